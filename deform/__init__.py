@@ -1,0 +1,1 @@
+"""Multi-epoch deformation analysis of pipelines."""

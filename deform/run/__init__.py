@@ -1,0 +1,1 @@
+"""The noun of the house: one passage of one tool, raw (`raw`) or on its chainage (`build`, `schema`, `store`, `history`)."""

@@ -1,0 +1,157 @@
+"""Runs, stacks and tables on disk: netCDF-4 and Zarr, written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+import deform.vocabulary as vocabulary
+from deform.errors import Fault, InputError
+from deform.run import build, schema
+
+_INT32_FILL = np.int32(-(2**31))
+
+
+@contextmanager
+def atomic(path: Path) -> Iterator[Path]:
+    """Yield a place beside ``path`` to write to; it takes the name only when the block ends without error."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    place = Path(name)
+    place.unlink()
+    try:
+        yield place
+        if path.is_dir() and place.is_dir():
+            shutil.rmtree(path)
+        else:
+            place.chmod(0o644)
+        os.replace(place, path)
+    finally:
+        shutil.rmtree(place, ignore_errors=True) if place.is_dir() else place.unlink(missing_ok=True)
+
+
+def write_run(run: xr.DataTree, path: Path) -> Path:
+    """Validate a run and write it: netCDF-4, or Zarr when the path ends in ``.zarr``."""
+    schema.validate_run(run)
+    path = Path(path)
+    with atomic(path) as place:
+        if path.suffix == ".zarr":
+            run.to_zarr(place, mode="w")
+        else:
+            encoding = {f"/{name}": _encoding(name, node.to_dataset()) for name, node in run.children.items()}
+            run.to_netcdf(place, engine="netcdf4", encoding=encoding)
+    return path
+
+
+def read_run(path: Path, groups: Iterable[str] | None = None) -> xr.DataTree:
+    """Read a run into memory, all groups or the named ones (those that exist).
+
+    Raises
+    ------
+    InputError
+        When the file is missing or cannot be opened; `NewerSchemaError` when it was written by a newer version.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InputError(Fault(str(path), "", "no such file"))
+    try:
+        engine = {"engine": "zarr"} if path.suffix == ".zarr" else {"engine": "netcdf4"}
+        with xr.open_datatree(path, decode_times=False, **engine) as tree:
+            schema.check_version(tree.attrs, str(path))
+            wanted = [n for n in tree.children if groups is None or n in set(groups)]
+            children = {n: xr.DataTree(_clean(tree[n].to_dataset().load())) for n in wanted}
+            return xr.DataTree(xr.Dataset(attrs=tree.attrs), children=children)
+    except InputError:
+        raise
+    except (OSError, ValueError, RuntimeError, KeyError) as fault:
+        raise InputError(Fault(str(path), "", f"cannot be opened as a run ({fault})", "it may be cut off: write it again")) from fault
+
+
+def write_dataset(ds: xr.Dataset, path: Path, group: str) -> Path:
+    """Check a dataset against its group and write it (netCDF-4), such as ``comparison.nc``."""
+    faults = schema.dataset_faults(group, ds, Path(path).name)
+    if faults:
+        raise schema.SchemaError(faults)
+    ds = ds.assign_attrs({"Conventions": "CF-1.11", "schema_version": vocabulary.schema_version()})
+    with atomic(path) as place:
+        ds.to_netcdf(place, engine="netcdf4", encoding=_encoding(group, ds))
+    return Path(path)
+
+
+def read_dataset(path: Path) -> xr.Dataset:
+    """Read what `write_dataset` wrote."""
+    if not Path(path).exists():
+        raise InputError(Fault(str(path), "", "no such file"))
+    with xr.open_dataset(path, engine="netcdf4", decode_times=False) as ds:
+        schema.check_version(ds.attrs, str(path))
+        return _clean(ds.load())
+
+
+def write_table(frame: pd.DataFrame, path: Path, name: str) -> Path:
+    """Write a table of the contract as CSV (``tables/<name>.csv``)."""
+    with atomic(path) as place:
+        build.table(name, frame).to_csv(place, index=False)
+    return Path(path)
+
+
+def read_table(path: Path, name: str) -> pd.DataFrame:
+    """Read a table of the contract; text columns stay text."""
+    if not Path(path).exists():
+        raise InputError(Fault(str(path), "", "no such file"))
+    text = {c.name: str for c in vocabulary.table(name).values() if c.type == "text"}
+    return build.table(name, pd.read_csv(path, dtype=text, keep_default_na=True))
+
+
+def write_json(content: Any, path: Path) -> Path:
+    """Write JSON with indents; numbers that are not finite become null."""
+    with atomic(path) as place:
+        place.write_text(json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False), encoding="utf-8")
+    return Path(path)
+
+
+def _encoding(group: str, ds: xr.Dataset) -> dict[str, dict[str, Any]]:
+    known = vocabulary.group(group) if group in vocabulary.groups() else {}
+    encoding: dict[str, dict[str, Any]] = {}
+    for name, variable in ds.variables.items():
+        if variable.dtype.kind not in "fiu" or not variable.ndim or not variable.size:
+            continue
+        encoding[str(name)] = {"zlib": True, "complevel": 4, "shuffle": True}
+        step = known[str(name)].packed if name in known else None
+        if step and np.nanmax(np.abs(variable.values), initial=0.0) < step * 2**31:
+            encoding[str(name)] |= {"dtype": "int32", "scale_factor": step, "_FillValue": _INT32_FILL}
+    return encoding
+
+
+def _clean(ds: xr.Dataset) -> xr.Dataset:
+    """Drop the encoding of the file, so that a run that was read can be written anew; text stays text."""
+    ds = ds.drop_encoding()
+    for name, variable in ds.variables.items():
+        if variable.dtype.kind == "T":
+            ds[name] = variable.astype(object)
+    return ds
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple | set):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    if value is None or isinstance(value, str | int | float | bool):
+        return value
+    return str(value)
