@@ -94,7 +94,8 @@ def variable(group_name: str, name: str) -> Variable:
     """
     known = group(group_name)
     if name not in known:
-        raise SchemaError(f"group {group_name!r} has no variable {name!r}; describe it in vocabulary.toml, known are {', '.join(known)}")
+        rule = f"group {group_name!r} has no variable {name!r}; describe it in vocabulary.toml, known are {', '.join(known)}"
+        raise SchemaError(rule)
     return known[name]
 
 

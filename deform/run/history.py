@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import hashlib
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,14 @@ def toolkit_version() -> str:
         return version("deform-ili")
     except PackageNotFoundError:
         return "0+unknown"
+
+
+@cache
+def source_digest() -> str:
+    """Digest over the toolkit's own source, so that results of another state of it are not taken over."""
+    package = Path(__file__).parents[1]
+    sources = sorted(p for end in ("py", "toml") for p in package.rglob(f"*.{end}"))
+    return hashlib.sha256("".join(sha256(p) for p in sources).encode()).hexdigest()[:16]
 
 
 def append(attrs: dict[str, Any], step: str) -> None:

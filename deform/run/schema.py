@@ -26,7 +26,9 @@ def validate_run(run: xr.DataTree) -> None:
     name = str(run.attrs.get("id", "run"))
     check_version(run.attrs, name)
     faults = [Fault(name, key, "is missing at the root") for key in ("id", "date", "source") if not run.attrs.get(key)]
-    faults += [Fault(name, str(dim), "is a dimension of the root; the root holds attributes only") for dim in run.to_dataset().sizes]
+    faults += [
+        Fault(name, str(dim), "is a dimension of the root; the root holds attributes only") for dim in run.to_dataset().sizes
+    ]
     for group, node in run.children.items():
         if group in RUN_GROUPS:
             faults += dataset_faults(group, node.to_dataset(), name)
@@ -68,7 +70,13 @@ def _variable_faults(described: vocabulary.Variable, variable: xr.Variable, plac
         values = np.asarray(variable.values, float)
         low, high = (np.nanmin(values), np.nanmax(values)) if np.isfinite(values).any() else (np.nan, np.nan)
         if low < described.range[0] or high > described.range[1]:
-            faults.append(Fault(place, described.name, f"runs from {low:.6g} to {high:.6g}, wanted {described.range[0]} to {described.range[1]}"))
+            faults.append(
+                Fault(
+                    place,
+                    described.name,
+                    f"runs from {low:.6g} to {high:.6g}, wanted {described.range[0]} to {described.range[1]}",
+                )
+            )
     return faults
 
 

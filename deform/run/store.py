@@ -76,7 +76,9 @@ def read_run(path: Path, groups: Iterable[str] | None = None) -> xr.DataTree:
     except InputError:
         raise
     except (OSError, ValueError, RuntimeError, KeyError) as fault:
-        raise InputError(Fault(str(path), "", f"cannot be opened as a run ({fault})", "it may be cut off: write it again")) from fault
+        raise InputError(
+            Fault(str(path), "", f"cannot be opened as a run ({fault})", "it may be cut off: write it again")
+        ) from fault
 
 
 def write_dataset(ds: xr.Dataset, path: Path, group: str) -> Path:
