@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, fields
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, Literal, get_type_hints
 
 from pydantic import ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
@@ -29,8 +29,26 @@ class NavigationOptions:
 class CaliperOptions:
     """From arms to the wall, its dents and the weld log."""
 
-    wall_step_m: Positive = 0.02
+    wall_step_m: Positive = 0.1  # rows of the wall map along the whole line
+    detail_step_m: Positive = 0.02  # rows of the wall map around dents
+    detail_margin_m: Positive = 0.5  # wall kept at full resolution on both sides of a dent
+    clock_bins: Annotated[int, Field(ge=8, le=720)] = 72  # at least one per arm is taken
+    section_window_m: Positive = 0.5  # length over which ovality and diameters are formed
     least_dent_depth_od: Probability = 0.01
+    ovality_definition: Literal["outside", "mean"] = "outside"  # (max - min) / outside diameter, or / mean diameter
+    largest_lost_arms: Probability = 0.34  # a section that lost a greater share of its arms is refused
+    weld_cluster_m: Positive = 0.15  # events of different sensors this near to each other are one weld
+    block_scans: Annotated[int, Field(ge=1000)] = 100_000
+
+
+@dataclass(frozen=True, config=_STRICT)
+class DentStrainOptions:
+    """From the shape of a dent to its strain."""
+
+    form: Literal["b31.8-2018", "b31.8-2007"] = "b31.8-2018"
+    basis: Literal["profile", "sizes"] = "profile"
+    smoothing_m: Positive = 0.02  # knot distance of the B-splines
+    windows: tuple[Positive, Positive] = (1.0, 2.0)  # widths of the profile used, in lengths of the dent
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -76,6 +94,7 @@ class Options:
     navigation: NavigationOptions = Field(default_factory=NavigationOptions)
     caliper: CaliperOptions = Field(default_factory=CaliperOptions)
     strain: StrainOptions = Field(default_factory=StrainOptions)
+    dent_strain: DentStrainOptions = Field(default_factory=DentStrainOptions)
     match: MatchOptions = Field(default_factory=MatchOptions)
     change: ChangeOptions = Field(default_factory=ChangeOptions)
     trend: TrendOptions = Field(default_factory=TrendOptions)
