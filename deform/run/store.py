@@ -48,7 +48,7 @@ def write_run(run: xr.DataTree, path: Path) -> Path:
     path = Path(path)
     with atomic(path) as place:
         if path.suffix == ".zarr":
-            run.to_zarr(place, mode="w")
+            run.to_zarr(place, mode="w", consolidated=False)
         else:
             encoding = {f"/{name}": _encoding(name, node.to_dataset()) for name, node in run.children.items()}
             run.to_netcdf(place, engine="netcdf4", encoding=encoding)
@@ -67,7 +67,7 @@ def read_run(path: Path, groups: Iterable[str] | None = None) -> xr.DataTree:
     if not path.exists():
         raise InputError(Fault(str(path), "", "no such file"))
     try:
-        engine = {"engine": "zarr"} if path.suffix == ".zarr" else {"engine": "netcdf4"}
+        engine: dict[str, Any] = {"engine": "zarr", "consolidated": False} if path.suffix == ".zarr" else {"engine": "netcdf4"}
         with xr.open_datatree(path, decode_times=False, **engine) as tree:
             schema.check_version(tree.attrs, str(path))
             wanted = [n for n in tree.children if groups is None or n in set(groups)]
@@ -140,7 +140,7 @@ def _clean(ds: xr.Dataset) -> xr.Dataset:
     """Drop the encoding of the file, so that a run that was read can be written anew; text stays text."""
     ds = ds.drop_encoding()
     for name, variable in ds.variables.items():
-        if variable.dtype.kind == "T":
+        if variable.dtype.kind in "UT":
             ds[name] = variable.astype(object)
     return ds
 

@@ -1,0 +1,46 @@
+# Everything from nothing: each goal makes its own environment in .venv and needs Python 3.11 or newer, pip and gcc.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+export MPLBACKEND := Agg
+
+.PHONY: demo test check bench lock clean system
+
+demo: $(STAMP)
+	$(BIN)/deform demo demo-out
+
+test: $(STAMP) system
+	$(BIN)/python -m pytest -n auto --dist loadgroup --durations=15
+
+check: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(STAMP)
+	$(BIN)/python -m benchmarks
+
+# System libraries for the PDF, the 3-D surfaces and the browser tests; without root the features that want them say so.
+system: $(VENV)/.system
+
+$(VENV)/.system: tools/system-packages.sh | $(STAMP)
+	sh tools/system-packages.sh
+	@touch $@
+
+$(STAMP): pyproject.toml requirements.lock
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+# The lock names versions only, no addresses.
+lock:
+	rm -rf $(VENV)/lock && $(PYTHON) -m venv $(VENV)/lock
+	$(VENV)/lock/bin/python -m pip install --quiet ".[dev]"
+	$(VENV)/lock/bin/python -m pip freeze --exclude deform-ili --exclude-editable | grep -v '@' > requirements.lock
+	rm -rf $(VENV)/lock
+
+clean:
+	rm -rf $(VENV) demo-out out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
