@@ -1,0 +1,157 @@
+"""Numba kernels of the odometer and of the path on chainage: counts and times in, knots and interpolated series out (SI, radian)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_JIT = {"cache": True, "error_model": "numpy"}
+
+
+@njit(**_JIT)
+def counts_on_knots(time, count, pulse, start, step, n_knots):
+    """Travel (m) of each wheel at regular knots, linear between odometer samples, held beyond the ends; shape (knot, wheel)."""
+    n, wheels = count.shape
+    travel = np.empty((n_knots, wheels))
+    j = 0
+    for k in range(n_knots):
+        t = start + k * step
+        while j < n - 2 and time[j + 1] < t:
+            j += 1
+        span = time[j + 1] - time[j]
+        w = (t - time[j]) / span if span > 0.0 else 0.0
+        w = min(max(w, 0.0), 1.0)
+        for i in range(wheels):
+            travel[k, i] = pulse * (count[j, i] + w * (count[j + 1, i] - count[j, i]))
+    return travel
+
+
+@njit(**_JIT)
+def imu_on_knots(time, gyro, accel, mounting, gyro_pulse, accel_pulse, start, step, n_knots):
+    """Turning angles about body x and z up to each knot (radian), and the shaking (m/s2, rms of successive differences) before it."""
+    turn = np.zeros((n_knots, 2))
+    shake = np.zeros(n_knots)
+    n = time.shape[0]
+    i, turn_x, turn_z = 0, 0.0, 0.0
+    for k in range(n_knots):
+        t = start + k * step
+        square, used = 0.0, 0
+        while i < n and time[i] <= t:
+            gx, gy, gz = gyro_pulse * gyro[i, 0], gyro_pulse * gyro[i, 1], gyro_pulse * gyro[i, 2]
+            turn_x += mounting[0, 0] * gx + mounting[0, 1] * gy + mounting[0, 2] * gz
+            turn_z += mounting[2, 0] * gx + mounting[2, 1] * gy + mounting[2, 2] * gz
+            if i > 0 and time[i] > time[i - 1]:
+                dt = time[i] - time[i - 1]
+                for a in range(3):
+                    difference = accel_pulse * (accel[i, a] - accel[i - 1, a]) / dt
+                    square += difference * difference
+                used += 1
+            i += 1
+        turn[k, 0], turn[k, 1] = turn_x, turn_z
+        shake[k] = np.sqrt(square / used) if used > 0 else (shake[k - 1] if k > 0 else 0.0)
+    return turn, shake
+
+
+@njit(**_JIT)
+def turn_at_wheels(turn, distance, lever):
+    """Turning angles of the IMU when it was where the wheels are now: at ``distance + lever`` (lever < 0 behind the IMU)."""
+    n = distance.shape[0]
+    out = np.empty_like(turn)
+    j = 0
+    for k in range(n):
+        target = distance[k] + lever
+        while j < n - 1 and distance[j + 1] < target:
+            j += 1
+        while j > 0 and distance[j] > target:
+            j -= 1
+        if j >= n - 1 or target <= distance[0]:
+            m = n - 1 if j >= n - 1 else 0
+            out[k, 0], out[k, 1] = turn[m, 0], turn[m, 1]
+        else:
+            span = distance[j + 1] - distance[j]
+            w = (target - distance[j]) / span if span > 0.0 else 0.0
+            w = min(max(w, 0.0), 1.0)
+            for a in range(2):
+                out[k, a] = turn[j, a] + w * (turn[j + 1, a] - turn[j, a])
+    return out
+
+
+@njit(**_JIT)
+def mark_slips(step, tolerance, alarm, good):
+    """Mark in ``good`` (knot, wheel) where a wheel falls behind any other one: a cumulative sum per pair with its start and end.
+
+    ``step`` are the travels per knot (m), free of scale and bend; ``tolerance`` the share of the travel that is no slip,
+    ``alarm`` the lost distance (m) at which a slip is believed.
+    """
+    n, wheels = step.shape
+    for i in range(wheels):
+        for j in range(wheels):
+            if i == j:
+                continue
+            lost, peak, first, last, alarmed = 0.0, 0.0, 0, 0, False
+            for k in range(n):
+                lead = step[k, j] if np.isfinite(step[k, j]) else 0.0
+                mine = step[k, i] if np.isfinite(step[k, i]) else 0.0
+                lost += lead - mine - tolerance * lead
+                if lost > peak:
+                    peak, last = lost, k
+                if lost > alarm:
+                    alarmed = True
+                over = alarmed and (lost < peak - 0.5 * alarm or k == n - 1)
+                if over:
+                    for m in range(first, last + 1):
+                        good[m, i] = False
+                if over or lost <= 0.0:
+                    lost, peak, first, last, alarmed = 0.0, 0.0, k + 1, k + 1, False
+
+
+@njit(**_JIT)
+def fuse(step, good, mean, n_good, spread):
+    """Mean travel per knot over the good wheels, their number, and the spread of the wheels about it (m)."""
+    n, wheels = step.shape
+    for k in range(n):
+        total, used = 0.0, 0
+        for i in range(wheels):
+            if good[k, i]:
+                total += step[k, i]
+                used += 1
+        mean[k] = total / used if used > 0 else 0.0
+        n_good[k] = used
+        square = 0.0
+        for i in range(wheels):
+            if good[k, i]:
+                square += (step[k, i] - mean[k]) ** 2
+        spread[k] = np.sqrt(square / (used - 1)) if used > 1 else 0.0
+
+
+@njit(**_JIT)
+def knots_to_samples(times, before, knots_start, knots_step, distance, slope, sigma, still, out):
+    """Cubic Hermite interpolation of the knots to ``before`` and ``times``; fills distance, speed, sigma and still of ``out``."""
+    out_distance, out_speed, out_sigma, out_still = out
+    n, n_knots = times.shape[0] + 1, distance.shape[0]
+    for m in range(n):
+        t = before if m == 0 else times[m - 1]
+        u = (t - knots_start) / knots_step
+        k = min(max(int(np.floor(u)), 0), n_knots - 2)
+        w = min(max(u - k, 0.0), 1.0)
+        rise = distance[k + 1] - distance[k]
+        a = slope[k] * knots_step
+        b = slope[k + 1] * knots_step
+        c2 = 3.0 * rise - 2.0 * a - b
+        c3 = a + b - 2.0 * rise
+        out_distance[m] = distance[k] + w * (a + w * (c2 + w * c3))
+        out_speed[m] = max((a + w * (2.0 * c2 + 3.0 * w * c3)) / knots_step, 0.0)
+        out_sigma[m] = sigma[k] + w * (sigma[k + 1] - sigma[k])
+        out_still[m] = still[k] and still[k + 1]
+
+
+@njit(**_JIT)
+def limited_slopes(distance, step):
+    """Speeds at the knots: central differences, limited so that the cubic between the knots never runs backwards."""
+    n = distance.shape[0]
+    slope = np.zeros(n)
+    for k in range(n):
+        left = (distance[k] - distance[k - 1]) / step if k > 0 else 0.0
+        right = (distance[k + 1] - distance[k]) / step if k < n - 1 else 0.0
+        slope[k] = min(0.5 * (left + right), 3.0 * min(left, right))
+    return slope
