@@ -1,0 +1,158 @@
+"""The file ``imu.nc`` of a raw run in, its counts with pulse weights on rising times out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+import deform.vocabulary as vocabulary
+from deform.readers import clock, netcdf
+from deform.readers.findings import Findings
+from deform.run.raw import RunHeader
+
+FILE = "imu.nc"
+_GRAVITY = 9.81
+_GRAVITY_RANGE = (0.8, 1.25)
+_FASTEST_TURN_DEG_PER_S = 720.0
+_EARTH_RATE_DEG_PER_H = 15.041
+_BLOCK = 1 << 20
+_LIMITS = (2**15 - 1, 2**15, 2**23 - 1, 2**23, 2**31 - 1, 2**31)
+_MOST_LOST = 0.01
+_DIMS = ("sample", "axis")
+
+
+def read_imu(path: Path, header: RunHeader | None, findings: Findings) -> xr.Dataset | None:
+    """Return group ``imu`` of the vocabulary with attributes ``gyro_pulse_rad`` and ``accel_pulse_m_per_s``.
+
+    Notes
+    -----
+    Samples whose counts are missing are taken out, which leaves a gap in time as a lost block does; gaps are recorded and kept.
+    """
+    ds = netcdf.open_packed(path, findings)
+    if ds is None:
+        return None
+    with ds:
+        wanted = {"time": ("sample",), "gyro_count": _DIMS, "accel_count": _DIMS}
+        if not netcdf.has_variables(ds, wanted, FILE, findings):
+            return None
+        if ds.sizes["axis"] != 3:
+            findings.fault(FILE, "axis", f"has size {ds.sizes['axis']}, wanted 3 (sensor x, y, z)")
+            return None
+        attrs = {
+            "gyro_pulse_rad": netcdf.number(ds, "gyro_pulse_rad", ["gyro_count"], FILE, findings, least=1e-12, most=1e-2),
+            "accel_pulse_m_per_s": netcdf.number(ds, "accel_pulse_m_per_s", ["accel_count"], FILE, findings, least=1e-10, most=1.0),
+        }
+        parts = {name: netcdf.values(ds, name, dims, FILE, findings) for name, dims in wanted.items()}
+        if any(v is None for v in parts.values()):
+            return None
+        fills = {name: netcdf.missing_value(ds, name) for name in wanted}
+    return _checked(parts, fills, attrs, header, findings)  # type: ignore[arg-type]  # None was sent back above
+
+
+def _checked(parts: dict[str, np.ndarray], fills: dict, attrs: dict, header: RunHeader | None, findings: Findings) -> xr.Dataset | None:
+    known = len(findings.faults)
+    keep = _present(parts, fills, findings)
+    if keep is not None:
+        parts = {name: part[keep] for name, part in parts.items()}
+    time = clock.rising_time(parts["time"], FILE, findings)
+    counts = {name: _whole(parts[name], name, findings) for name in ("gyro_count", "accel_count")}
+    if len(findings.faults) > known or None in attrs.values() or time.size < 2:
+        if time.size == 1:
+            findings.fault(FILE, "time", "has one sample only; the recording is empty")
+        return None
+    clock.gaps(time, FILE, findings)
+    _saturation(counts, time, findings)
+    _possible_force(counts["accel_count"], time, attrs["accel_pulse_m_per_s"], findings)
+    _possible_rate(counts["gyro_count"], time, attrs["gyro_pulse_rad"], header, findings)
+    variables = {n: (v.dims, {"time": time, **counts}[n], v.attrs) for n, v in vocabulary.group("imu").items()}
+    return xr.Dataset(variables, attrs=attrs)  # not by `build`: the counts stay 32 bits wide, a 50 h run has 200 million
+
+
+def measured_rate(imu: xr.Dataset) -> float:
+    """Samples per second (Hz), from the median step."""
+    return 1.0 / float(np.median(np.diff(imu["time"].values)))
+
+
+def _present(parts: dict[str, np.ndarray], fills: dict, findings: Findings) -> np.ndarray | None:
+    """Return the mask of samples whose counts are all there, None when nothing is missing."""
+    n = parts["time"].size
+    lost = np.zeros(n, bool)
+    for name in ("gyro_count", "accel_count"):
+        part, fill = parts[name], fills[name]
+        if part.dtype.kind == "f":
+            lost |= ~np.isfinite(part).all(axis=1)
+        if fill is None and part.dtype == np.int32:
+            fill = -(2**31) + 1  # netCDF's default
+        if fill is not None and fill == fill:
+            lost |= (part == fill).any(axis=1)
+    if not lost.any():
+        return None
+    first, count = int(np.flatnonzero(lost)[0]), int(lost.sum())
+    if count > _MOST_LOST * n:
+        findings.fault(FILE, "gyro_count, accel_count", f"are missing at {count} of {n} samples, first at sample {first}; at most 1 % may be")
+        return None
+    findings.repair(FILE, "gyro_count, accel_count", f"missing at {count} samples, first at sample {first}; these samples are left out")
+    return ~lost
+
+
+def _whole(count: np.ndarray, name: str, findings: Findings) -> np.ndarray:
+    if count.dtype.kind == "f":
+        if np.isfinite(count).all() and np.abs(count - np.round(count)).max(initial=0.0) > 1e-6:
+            findings.fault(FILE, name, "holds fractions of a pulse; counts are whole numbers", "are these rates instead of counts?")
+            return np.zeros(count.shape, np.int64)
+        count = np.round(np.nan_to_num(count))
+    return np.ascontiguousarray(count, dtype=np.int32 if np.abs(count).max(initial=0) < 2**31 else np.int64)
+
+
+def _saturation(counts: dict[str, np.ndarray], time: np.ndarray, findings: Findings) -> None:
+    for name, count in counts.items():
+        for axis in range(3):
+            column = count[:, axis]
+            peak = max(abs(int(column.max())), abs(int(column.min())))
+            if peak not in _LIMITS:
+                continue
+            at = np.flatnonzero((column == peak) | (column == -peak))
+            rule = f"saturated at {peak} pulses in {at.size} samples, first at t={time[at[0]]:.3f} s"
+            if at.size > _MOST_LOST * column.size:
+                findings.fault(FILE, f"{name}, axis {axis}", f"{rule}; at most 1 % may be", "the sensor was overloaded or is broken")
+            else:
+                findings.repair(FILE, f"{name}, axis {axis}", f"{rule}; kept")
+
+
+def _blocks(count: np.ndarray, time: np.ndarray, pulse: float) -> np.ndarray:
+    """Mean vectors over about a second, shape (m, 3), in the unit of the pulse per second; at most some 10 000 of them."""
+    per_block = max(1, round(1.0 / max(float(np.median(np.diff(time[: _BLOCK]))), 1e-6)))
+    n = time.size // per_block
+    if n < 2:
+        return (count.sum(axis=0, dtype=float) * pulse / max(time[-1] - time[0], 1e-9))[None]
+    chosen = np.unique(np.linspace(1, n - 1, min(n - 1, 10_000)).astype(int))
+    sums = np.stack([count[k * per_block : (k + 1) * per_block].sum(axis=0, dtype=float) for k in chosen])
+    spans = time[(chosen + 1) * per_block - 1] - time[chosen * per_block - 1]
+    return sums * pulse / spans[:, None]
+
+
+def _possible_force(count: np.ndarray, time: np.ndarray, pulse: float, findings: Findings) -> None:
+    force = float(np.median(np.linalg.norm(_blocks(count, time, pulse), axis=1)))
+    if not _GRAVITY_RANGE[0] < force / _GRAVITY < _GRAVITY_RANGE[1]:
+        rule = f"gives a median specific force of {force:.4g} m/s²; a tool in a pipe feels gravity, about 9.81 m/s²"
+        findings.fault(FILE, "accel_count", rule, "attribute accel_pulse_m_per_s may be in another unit, or an axis is dead")
+
+
+def _possible_rate(count: np.ndarray, time: np.ndarray, pulse: float, header: RunHeader | None, findings: Findings) -> None:
+    rates = np.degrees(_blocks(count, time, pulse))
+    rate = float(np.median(np.linalg.norm(rates, axis=1)))
+    if rate > _FASTEST_TURN_DEG_PER_S:
+        findings.fault(FILE, "gyro_count", f"gives a median rate of {rate:.4g} degree/s; no tool turns so fast", "attribute gyro_pulse_rad may be in degree or arc second")
+        return
+    if header is None or header.launch.static_s < 60 or header.imu.gyro_bias_deg_per_h > 1.0:
+        return
+    still = (time > time[0] + 5.0) & (time < time[0] + header.launch.static_s - 5.0)
+    if np.count_nonzero(still) < 100:
+        return
+    span = time[still][-1] - time[still][0]
+    earth = float(np.linalg.norm(np.degrees(count[still][1:].sum(axis=0, dtype=float) * pulse / span))) * 3600.0
+    if not 0.2 < earth / _EARTH_RATE_DEG_PER_H < 5.0:
+        text = f"turns at {earth:.4g} degree/h while the tool stands, the earth at {_EARTH_RATE_DEG_PER_H}; kept, check gyro_pulse_rad and static_s"
+        findings.repair(FILE, "gyro_count", text)
