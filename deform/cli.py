@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -194,7 +193,7 @@ def process(
         import deform.survey as stages
         from deform.run import store
 
-        points = stages.read_control_points(control)
+        points = stages.control_points(control)
         tree = stages.process(raw, _options_of(out, options), control=points, progress=voice.tick("process"))
         path = store.write_run(tree, out / "runs" / f"{tree.attrs['id']}.nc")
         voice.say(f"run: {path}", run=path)
@@ -327,4 +326,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

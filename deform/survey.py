@@ -162,7 +162,7 @@ def _run_attrs(raw: RawRun) -> dict[str, Any]:
 
 
 def _process_one(survey: Survey, run_id: str, entry: RunEntry, record: StageRecord, tick: Callable[[float], None]) -> None:
-    run = process(entry, survey.options, control=_control(survey), progress=tick)
+    run = process(entry, survey.options, control=control_points(survey.control), progress=tick)
     record.detail = {"source": run.attrs.get("source", ""), "date": run.attrs.get("date", "")}
     record.detail |= {"repairs": [r for r in str(run.attrs.get("repairs", "")).splitlines() if r]}
     store.write_run(run, survey.folder / "runs" / f"{run_id}.nc")
@@ -230,12 +230,13 @@ def _check_ids(sources: list[dict[str, Any]]) -> None:
         raise InputError(Fault("survey", "runs", f"{', '.join(twice)} given more than once; every run needs an id of its own"))
 
 
-def _control(survey: Survey) -> xr.Dataset | None:
-    if survey.control is None:
+def control_points(path: Path | None) -> xr.Dataset | None:
+    """Surveyed control points of a file, or None without one."""
+    if path is None:
         return None
     from deform.readers.control import read_control
 
-    return read_control(survey.control)
+    return read_control(path)
 
 
 # ---- stage: the runs meet --------------------------------------------------------------------------
@@ -354,6 +355,22 @@ def _available(name: str, ledger: Ledger) -> bool:
     ledger.missing[name] = str(MissingExtraError(f"output {name!r}", extra))
     _log.warning("%s", ledger.missing[name])
     return False
+
+
+# ---- beside the main job ---------------------------------------------------------------------------
+
+
+def write_demo(folder: Path, *, options_file: Path | None = None, progress: Callable[[float], None] | None = None) -> Path:
+    """Simulate the raw runs of a small line, with their truth, and a survey that runs them; return ``survey.toml``."""
+    from deform.synthetic.simulate import simulate
+
+    chosen = _options.SimulateOptions.demo() if options_file is None else _options.simulate_options_from(options_file)
+    run_ids = simulate(chosen, folder, progress=progress)
+    entries = "".join(f'\n[[runs]]\nraw = "{run_id}"\n' for run_id in run_ids)
+    path = folder / "survey.toml"
+    with store.atomic(path) as place:
+        place.write_text(f'[line]\nname = "{chosen.line}"\n{entries}\n[outputs]\nfolder = "out"\n', encoding="utf-8")
+    return path
 
 
 def _open_ledger(survey: Survey, progress: Progress, resume: bool) -> Ledger:

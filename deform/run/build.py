@@ -35,7 +35,9 @@ def dataset(group: str, values: Mapping[str, Any], **attrs: Any) -> xr.Dataset:
     >>> dataset("welds", {"chainage": [1.0, 13.2], "probability": [1.0, 1.0]}).sizes["weld"]
     2
     """
-    variables, coordinates, sizes = {}, {}, {}
+    variables: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {}
+    sizes: dict[str, int] = {}
     for name, value in values.items():
         described = vocabulary.variable(group, name)
         array = _typed(value, described.type)
