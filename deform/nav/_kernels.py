@@ -1,0 +1,346 @@
+"""Numba kernels at the navigation rate: counts in, increments per epoch and trajectories at output times out (SI, radian)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from deform.geometry._kernels import gravity, radii, rotate, turn_left, turn_right
+
+# One row of the table of epochs: integrals over the epoch in the body axes of its beginning, frozen in inertial space.
+TURN = 0  # 9: matrix, body at the end to body at the beginning
+VELOCITY = 9  # 3: integral of specific force (m/s)
+POSITION = 12  # 3: its second integral (m)
+ATTITUDE_TIME = 15  # 9: integral of the matrix over time (s), Jacobian of turn and velocity to the biases
+ATTITUDE_TRAVEL = 24  # 9: integral of the matrix over the odometer's distance (m); column 1 is the dead-reckoned displacement
+TURN_BY_AXIS = 33  # 9: integral of the matrix times diag(angular increments), Jacobian to the gyro scale factors
+FORCE_BY_AXIS = 42  # 9: the same with velocity increments, Jacobian to the accelerometer scale factors
+DURATION = 51  # s
+TRAVEL = 52  # m, by the odometer
+GAP = 53  # s without samples inside the epoch
+COLUMNS = 54
+
+# Rows of the table of compensation: maker's model of one sensor axis per column, then the mounting.
+GYRO_DRIFT, GYRO_SCALE, GYRO_ASYMMETRY, UNBALANCE_SPIN, UNBALANCE_INPUT, SPIN_AXIS = 0, 1, 2, 3, 4, 5
+ACCEL_BIAS, ACCEL_SCALE, ACCEL_ASYMMETRY, GYRO_MOUNTING, ACCEL_MOUNTING = 6, 7, 8, 9, 12
+COMPENSATION_ROWS = 15
+
+
+@njit(cache=True, error_model="numpy")
+def compensate(K, g0, g1, g2, a0, a1, a2, dt):
+    """Angular and velocity increments in body axes from those of the sensor axes, Porter's section 3.4.1."""
+    a0 -= K[6, 0] * dt + K[7, 0] * a0 + K[8, 0] * abs(a0)
+    a1 -= K[6, 1] * dt + K[7, 1] * a1 + K[8, 1] * abs(a1)
+    a2 -= K[6, 2] * dt + K[7, 2] * a2 + K[8, 2] * abs(a2)
+    spins = (a0, a1, a2)
+    s0, s1, s2 = spins[int(K[5, 0])], spins[int(K[5, 1])], spins[int(K[5, 2])]
+    g0 -= K[0, 0] * dt + K[1, 0] * g0 + K[2, 0] * abs(g0) + K[3, 0] * a0 + K[4, 0] * s0
+    g1 -= K[0, 1] * dt + K[1, 1] * g1 + K[2, 1] * abs(g1) + K[3, 1] * a1 + K[4, 1] * s1
+    g2 -= K[0, 2] * dt + K[1, 2] * g2 + K[2, 2] * abs(g2) + K[3, 2] * a2 + K[4, 2] * s2
+    return (
+        K[9, 0] * g0 + K[9, 1] * g1 + K[9, 2] * g2,
+        K[10, 0] * g0 + K[10, 1] * g1 + K[10, 2] * g2,
+        K[11, 0] * g0 + K[11, 1] * g1 + K[11, 2] * g2,
+        K[12, 0] * a0 + K[12, 1] * a1 + K[12, 2] * a2,
+        K[13, 0] * a0 + K[13, 1] * a1 + K[13, 2] * a2,
+        K[14, 0] * a0 + K[14, 1] * a1 + K[14, 2] * a2,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def increments(gyro, accel, gyro_pulse, accel_pulse, K, i, dt):
+    """Compensated increments of sample i in body axes."""
+    return compensate(
+        K,
+        gyro_pulse * gyro[i, 0],
+        gyro_pulse * gyro[i, 1],
+        gyro_pulse * gyro[i, 2],
+        accel_pulse * accel[i, 0],
+        accel_pulse * accel[i, 1],
+        accel_pulse * accel[i, 2],
+        dt,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def two_sample(g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2):
+    """Rotation vector and velocity increment (axes of the sample's beginning) from this sample and the one before it.
+
+    Coning: g + (1/12) p × g. Rotation and sculling: a + (1/2) g × a + (1/12)(p × a + b × g).
+    """
+    r0 = g0 + (p1 * g2 - p2 * g1) / 12.0
+    r1 = g1 + (p2 * g0 - p0 * g2) / 12.0
+    r2 = g2 + (p0 * g1 - p1 * g0) / 12.0
+    h0, h1, h2 = 0.5 * g0 + p0 / 12.0, 0.5 * g1 + p1 / 12.0, 0.5 * g2 + p2 / 12.0
+    d0 = a0 + h1 * a2 - h2 * a1 + (b1 * g2 - b2 * g1) / 12.0
+    d1 = a1 + h2 * a0 - h0 * a2 + (b2 * g0 - b0 * g2) / 12.0
+    d2 = a2 + h0 * a1 - h1 * a0 + (b0 * g1 - b1 * g0) / 12.0
+    return r0, r1, r2, d0, d1, d2
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def preintegrate(time, gyro, accel, gyro_pulse, accel_pulse, K, distance, bounds, longest_gap, table):
+    """Fill the table (epoch, COLUMNS) with the integrals over the samples bounds[k] + 1 ... bounds[k + 1]."""
+    for k in prange(bounds.size - 1):
+        R = np.eye(3)
+        row = table[k]
+        row[:] = 0.0
+        v0 = v1 = v2 = x0 = x1 = x2 = 0.0
+        first = bounds[k]
+        dt = max(time[first] - time[first - 1], 1e-9) if first > 0 else 1.0
+        p0, p1, p2, b0, b1, b2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, first, dt)
+        usual = dt
+        if first == 0:
+            p0 = p1 = p2 = b0 = b1 = b2 = 0.0
+        for i in range(first + 1, bounds[k + 1] + 1):
+            dt = time[i] - time[i - 1]
+            ds = distance[i] - distance[i - 1]
+            g0, g1, g2, a0, a1, a2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, i, min(dt, longest_gap))
+            if dt > longest_gap:  # the counts of the gap are lost: the last force goes on, the attitude stands still
+                row[GAP] += dt
+                share = dt / max(usual, 1e-9)
+                a0, a1, a2 = b0 * share, b1 * share, b2 * share
+                g0 = g1 = g2 = p0 = p1 = p2 = 0.0
+                r0 = r1 = r2 = 0.0
+                d0, d1, d2 = a0, a1, a2
+            else:
+                usual = dt
+                r0, r1, r2, d0, d1, d2 = two_sample(g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2)
+                p0, p1, p2, b0, b1, b2 = g0, g1, g2, a0, a1, a2
+            w0, w1, w2 = rotate(R, d0, d1, d2)
+            x0 += dt * (v0 + 0.5 * w0)
+            x1 += dt * (v1 + 0.5 * w1)
+            x2 += dt * (v2 + 0.5 * w2)
+            v0, v1, v2 = v0 + w0, v1 + w1, v2 + w2
+            for j in range(3):
+                row[ATTITUDE_TIME + 3 * j] += 0.5 * dt * R[j, 0]
+                row[ATTITUDE_TIME + 3 * j + 1] += 0.5 * dt * R[j, 1]
+                row[ATTITUDE_TIME + 3 * j + 2] += 0.5 * dt * R[j, 2]
+                row[ATTITUDE_TRAVEL + 3 * j] += 0.5 * ds * R[j, 0]
+                row[ATTITUDE_TRAVEL + 3 * j + 1] += 0.5 * ds * R[j, 1]
+                row[ATTITUDE_TRAVEL + 3 * j + 2] += 0.5 * ds * R[j, 2]
+                row[TURN_BY_AXIS + 3 * j] += R[j, 0] * g0
+                row[TURN_BY_AXIS + 3 * j + 1] += R[j, 1] * g1
+                row[TURN_BY_AXIS + 3 * j + 2] += R[j, 2] * g2
+                row[FORCE_BY_AXIS + 3 * j] += R[j, 0] * a0
+                row[FORCE_BY_AXIS + 3 * j + 1] += R[j, 1] * a1
+                row[FORCE_BY_AXIS + 3 * j + 2] += R[j, 2] * a2
+            turn_right(R, r0, r1, r2)
+            for j in range(3):
+                row[ATTITUDE_TIME + 3 * j] += 0.5 * dt * R[j, 0]
+                row[ATTITUDE_TIME + 3 * j + 1] += 0.5 * dt * R[j, 1]
+                row[ATTITUDE_TIME + 3 * j + 2] += 0.5 * dt * R[j, 2]
+                row[ATTITUDE_TRAVEL + 3 * j] += 0.5 * ds * R[j, 0]
+                row[ATTITUDE_TRAVEL + 3 * j + 1] += 0.5 * ds * R[j, 1]
+                row[ATTITUDE_TRAVEL + 3 * j + 2] += 0.5 * ds * R[j, 2]
+            row[DURATION] += dt
+            row[TRAVEL] += ds
+        for j in range(9):
+            row[TURN + j] = R[j // 3, j % 3]
+        row[VELOCITY], row[VELOCITY + 1], row[VELOCITY + 2] = v0, v1, v2
+        row[POSITION], row[POSITION + 1], row[POSITION + 2] = x0, x1, x2
+
+
+@njit(cache=True, error_model="numpy")
+def navigation_rates(latitude, height, ve, vn):
+    """Earth rate and transport rate (east, north, up) without the prime-vertical radius computed twice; and both radii with height."""
+    meridian, normal = radii(latitude)
+    meridian += height
+    normal += height
+    north = 7.292115e-5 * math.cos(latitude)
+    up = 7.292115e-5 * math.sin(latitude)
+    around = ve / normal
+    return north, up, -vn / meridian, around, around * math.tan(latitude), meridian, normal
+
+
+@njit(cache=True, error_model="numpy")
+def advance(row, place, v, C, place_after, v_after, C_after):
+    """State after an epoch: local-level mechanization of the integrals in the table's row.
+
+    ``place`` is latitude, longitude (radian), height (m); v east, north, up; C body to east, north, up. The frame turns with
+    z = (earth rate + transport rate) T while the integrals are frozen: velocity takes C V - z × (C V - C P / T), position
+    C P - z × C P / 3 (exact for a steady force), attitude exp(-z) C R.
+    """
+    T = row[DURATION]
+    ve, vn, vu = v[0], v[1], v[2]
+    f0, f1, f2 = rotate(C, row[VELOCITY], row[VELOCITY + 1], row[VELOCITY + 2])
+    x0, x1, x2 = rotate(C, row[POSITION], row[POSITION + 1], row[POSITION + 2])
+    g = gravity(place[0], place[2])
+    # middle of the epoch for rates, gravity and Coriolis
+    me, mn, mu = ve + 0.5 * f0, vn + 0.5 * f1, vu + 0.5 * (f2 - g * T)
+    middle_latitude = place[0] + 0.5 * T * vn / 6.37e6
+    north, up, t0, t1, t2, meridian, normal = navigation_rates(middle_latitude, place[2] + 0.5 * T * vu, me, mn)
+    g = gravity(middle_latitude, place[2] + 0.5 * T * vu)
+    z0, z1, z2 = t0 * T, (t1 + north) * T, (t2 + up) * T
+    c0, c1, c2 = t0, t1 + 2.0 * north, t2 + 2.0 * up
+    k0, k1, k2 = c1 * mu - c2 * mn, c2 * me - c0 * mu, c0 * mn - c1 * me
+    h0, h1, h2 = f0 - x0 / T, f1 - x1 / T, f2 - x2 / T
+    d0 = f0 - (z1 * h2 - z2 * h1) - k0 * T
+    d1 = f1 - (z2 * h0 - z0 * h2) - k1 * T
+    d2 = f2 - (z0 * h1 - z1 * h0) - k2 * T - g * T
+    s0 = ve * T + x0 - (z1 * x2 - z2 * x1) / 3.0 - 0.5 * k0 * T * T
+    s1 = vn * T + x1 - (z2 * x0 - z0 * x2) / 3.0 - 0.5 * k1 * T * T
+    s2 = vu * T + x2 - (z0 * x1 - z1 * x0) / 3.0 - 0.5 * k2 * T * T - 0.5 * g * T * T
+    v_after[0], v_after[1], v_after[2] = ve + d0, vn + d1, vu + d2
+    place_after[0] = place[0] + s1 / meridian
+    place_after[1] = place[1] + s0 / (normal * math.cos(0.5 * (place[0] + place_after[0])))
+    place_after[2] = place[2] + s2
+    for i in range(3):
+        for j in range(3):
+            C_after[i, j] = C[i, 0] * row[j] + C[i, 1] * row[3 + j] + C[i, 2] * row[6 + j]
+    turn_left(C_after, -z0, -z1, -z2)
+    return s0, s1, s2
+
+
+@njit(cache=True, error_model="numpy")
+def shift_place(place, east, north, up):
+    """Move a place by small east, north, up (m)."""
+    meridian, normal = radii(place[0])
+    place[1] += east / ((normal + place[2]) * math.cos(place[0]))
+    place[0] += north / (meridian + place[2])
+    place[2] += up
+
+
+@njit(cache=True, error_model="numpy")
+def place_difference(a, b):
+    """East, north, up (m) from place b to the near place a."""
+    meridian, normal = radii(0.5 * (a[0] + b[0]))
+    level = 0.5 * (a[2] + b[2])
+    return (a[1] - b[1]) * (normal + level) * math.cos(0.5 * (a[0] + b[0])), (a[0] - b[0]) * (meridian + level), a[2] - b[2]
+
+
+@njit(cache=True, error_model="numpy")
+def correct_row(row, gyro_bias, accel_bias, gyro_scale, accel_scale, out):
+    """Row of an epoch with small further biases (rad/s, m/s²) and scale errors taken off by its Jacobians."""
+    for j in range(row.size):
+        out[j] = row[j]
+    turn = np.zeros(3)
+    push = np.zeros(3)
+    for i in range(3):
+        for j in range(3):
+            turn[i] -= row[ATTITUDE_TIME + 3 * i + j] * gyro_bias[j] + row[TURN_BY_AXIS + 3 * i + j] * gyro_scale[j]
+            push[i] -= row[ATTITUDE_TIME + 3 * i + j] * accel_bias[j] + row[FORCE_BY_AXIS + 3 * i + j] * accel_scale[j]
+    T = row[DURATION]
+    v0, v1, v2 = row[VELOCITY], row[VELOCITY + 1], row[VELOCITY + 2]
+    # a steady turning error tilts the force by half of it on the way to the velocity, by a third on the way to the position
+    out[VELOCITY] += push[0] + 0.5 * (turn[1] * v2 - turn[2] * v1)
+    out[VELOCITY + 1] += push[1] + 0.5 * (turn[2] * v0 - turn[0] * v2)
+    out[VELOCITY + 2] += push[2] + 0.5 * (turn[0] * v1 - turn[1] * v0)
+    out[POSITION] += 0.5 * T * push[0] + T / 6.0 * (turn[1] * v2 - turn[2] * v1)
+    out[POSITION + 1] += 0.5 * T * push[1] + T / 6.0 * (turn[2] * v0 - turn[0] * v2)
+    out[POSITION + 2] += 0.5 * T * push[2] + T / 6.0 * (turn[0] * v1 - turn[1] * v0)
+    R = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            R[i, j] = row[3 * i + j]
+    turn_left(R, turn[0], turn[1], turn[2])
+    for i in range(3):
+        for j in range(3):
+            out[3 * i + j] = R[i, j]
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, longest_gap, table, states, wanted, offsets, out):
+    """Fill out (output, 12): place, velocity, attitude (azimuth, pitch, roll), share of the epoch passed, epoch, speed along body y.
+
+    ``states`` (epoch + 1, 24): place, velocity, matrix, biases of gyro and accelerometer, their scale errors at the epochs' ends.
+    ``wanted`` are sample indices, ``offsets[k]`` the first of them at or behind bounds[k]. Inside an epoch the counts are
+    integrated from its beginning; what then is missing at its end is laid on linearly.
+    """
+    for k in prange(bounds.size - 1):
+        state, following = states[k], states[k + 1]
+        row, end = np.empty(COLUMNS), np.empty(COLUMNS)
+        place, v, C = state[0:3], state[3:6], state[6:15].copy().reshape((3, 3))
+        place_end, v_end, C_end = np.empty(3), np.empty(3), np.empty((3, 3))
+        correct_row(table[k], state[15:18], state[18:21], state[21:24], state[24:27], end)
+        advance(end, place, v, C, place_end, v_end, C_end)
+        e0, e1, e2 = place_difference(following[0:3], place_end)
+        u0, u1, u2 = following[3] - v_end[0], following[4] - v_end[1], following[5] - v_end[2]
+        D = np.empty((3, 3))  # left over turn: C_following = D C_end
+        for i in range(3):
+            for j in range(3):
+                D[i, j] = (
+                    following[6 + 3 * i] * C_end[j, 0] + following[7 + 3 * i] * C_end[j, 1] + following[8 + 3 * i] * C_end[j, 2]
+                )
+        r0, r1, r2 = 0.5 * (D[2, 1] - D[1, 2]), 0.5 * (D[0, 2] - D[2, 0]), 0.5 * (D[1, 0] - D[0, 1])
+        total = table[k, DURATION]
+        row[:] = 0.0
+        R = np.eye(3)
+        v0 = v1 = v2 = x0 = x1 = x2 = passed = 0.0
+        first = bounds[k]
+        dt = max(time[first] - time[first - 1], 1e-9) if first > 0 else 1.0
+        p0, p1, p2, b0, b1, b2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, first, dt)
+        usual = dt
+        if first == 0:
+            p0 = p1 = p2 = b0 = b1 = b2 = 0.0
+        n = offsets[k]
+        stop = offsets[k + 1] if k < bounds.size - 2 else wanted.size
+        for i in range(first, bounds[k + 1] + 1):
+            if n >= stop:
+                break
+            if i > first:
+                dt = time[i] - time[i - 1]
+                g0, g1, g2, a0, a1, a2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, i, min(dt, longest_gap))
+                if dt > longest_gap:
+                    share = dt / max(usual, 1e-9)
+                    d0, d1, d2 = b0 * share, b1 * share, b2 * share
+                    g0 = g1 = g2 = p0 = p1 = p2 = s0 = s1 = s2 = 0.0
+                else:
+                    usual = dt
+                    s0, s1, s2, d0, d1, d2 = two_sample(g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2)
+                    p0, p1, p2, b0, b1, b2 = g0, g1, g2, a0, a1, a2
+                    s0 -= state[15] * dt + state[21] * g0
+                    s1 -= state[16] * dt + state[22] * g1
+                    s2 -= state[17] * dt + state[23] * g2
+                    d0 -= state[18] * dt + state[24] * a0
+                    d1 -= state[19] * dt + state[25] * a1
+                    d2 -= state[20] * dt + state[26] * a2
+                w0, w1, w2 = rotate(R, d0, d1, d2)
+                x0 += dt * (v0 + 0.5 * w0)
+                x1 += dt * (v1 + 0.5 * w1)
+                x2 += dt * (v2 + 0.5 * w2)
+                v0, v1, v2 = v0 + w0, v1 + w1, v2 + w2
+                turn_right(R, s0, s1, s2)
+                passed += dt
+            if i != wanted[n]:
+                continue
+            for j in range(9):
+                row[TURN + j] = R[j // 3, j % 3]
+            row[VELOCITY], row[VELOCITY + 1], row[VELOCITY + 2] = v0, v1, v2
+            row[POSITION], row[POSITION + 1], row[POSITION + 2] = x0, x1, x2
+            row[DURATION] = max(passed, 1e-9)
+            advance(row, place, v, C, place_end, v_end, C_end)
+            w = passed / total if total > 0.0 else 0.0
+            shift_place(place_end, w * e0, w * e1, w * e2)
+            turn_left(C_end, w * r0, w * r1, w * r2)
+            for j in range(3):
+                out[n, j] = place_end[j]
+            out[n, 3], out[n, 4], out[n, 5] = v_end[0] + w * u0, v_end[1] + w * u1, v_end[2] + w * u2
+            out[n, 6] = math.atan2(C_end[0, 1], C_end[1, 1])
+            out[n, 7] = math.atan2(C_end[2, 1], math.hypot(C_end[0, 1], C_end[1, 1]))
+            out[n, 8] = math.atan2(-C_end[2, 0], C_end[2, 2])
+            out[n, 9] = w
+            out[n, 10] = k
+            out[n, 11] = C_end[0, 1] * out[n, 3] + C_end[1, 1] * out[n, 4] + C_end[2, 1] * out[n, 5]
+            n += 1
+
+
+@njit(cache=True, error_model="numpy")
+def running_sums(time, gyro, accel, gyro_pulse, accel_pulse, K, first, last):
+    """Mean angular rate and specific force (body axes) over samples first + 1 ... last, and the time they span."""
+    sums = np.zeros(7)
+    for i in range(first + 1, last + 1):
+        dt = time[i] - time[i - 1]
+        g0, g1, g2, a0, a1, a2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, i, dt)
+        sums[0] += g0
+        sums[1] += g1
+        sums[2] += g2
+        sums[3] += a0
+        sums[4] += a1
+        sums[5] += a2
+        sums[6] += dt
+    for j in range(6):
+        sums[j] /= sums[6]
+    return sums
