@@ -1,4 +1,4 @@
-"""Numba kernels of the odometer and of the path on chainage: counts and times in, knots and interpolated series out (SI, radian)."""
+"""Numba kernels of the odometer and of the path: counts and times in, knots and interpolated series out (SI, radian)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def counts_on_knots(time, count, pulse, start, step, n_knots):
 
 @njit(**_JIT)
 def imu_on_knots(time, gyro, accel, mounting, gyro_pulse, accel_pulse, start, step, n_knots):
-    """Turning angles about body x and z up to each knot (radian), and the shaking (m/s2, rms of successive differences) before it."""
+    """Turning angles about body x and z up to each knot (radian), and the rms of successive accelerations before it (m/s2)."""
     turn = np.zeros((n_knots, 2))
     shake = np.zeros(n_knots)
     n = time.shape[0]

@@ -1,4 +1,4 @@
-"""Counts of redundant wheels in, distance and speed along the pipe on the IMU's samples out, slips repaired and stops recognised."""
+"""Counts of redundant wheels in; distance, speed and stops on the IMU's samples out, with slips found and repaired."""
 
 from __future__ import annotations
 
@@ -119,8 +119,12 @@ def combine(raw: RawRun, options: NavigationOptions | None = None) -> OdometerSo
         remarks.append(f"{len(slips)} slips repaired, {sum(s.lost_distance for s in slips):.2f} m of wheel travel lost in them")
     for remark in remarks:
         _log.info("odometer of %s: %s", raw.id, remark)
+    distance, speed, speed_sigma, stationary = _on_samples(raw, knots, distance, slope, sigma, still)
     return OdometerSolution(
-        *_on_samples(raw, knots, distance, slope, sigma, still),
+        distance,
+        speed,
+        speed_sigma,
+        stationary,
         wheel_scale=_spread_out(scale, alive, wheels),
         wheel_scale_sigma=_spread_out(scale_sigma, alive, wheels),
         wheel_arm=_spread_out(arm, alive, wheels),
@@ -155,10 +159,12 @@ def _alive(knots: _Knots, remarks: list[str]) -> Floats:
     """Indices of the wheels that turned over at least a twentieth of the longest travel."""
     total = knots.travel[-1] - knots.travel[0]
     if total.max() <= 0.0:
-        raise InputError(Fault("odometer.nc", "count", "no wheel turned in the whole run", "without odometer there is no chainage"))
+        raise InputError(
+            Fault("odometer.nc", "count", "no wheel turned in the whole run", "without odometer there is no chainage")
+        )
     alive = np.flatnonzero(total > 0.05 * total.max())
-    for i in np.flatnonzero(total <= 0.05 * total.max()):
-        remarks.append(f"wheel {i} is dead: {total[i]:.1f} m against {total.max():.1f} m of the others; it is left out")
+    dead = np.flatnonzero(total <= 0.05 * total.max())
+    remarks += [f"wheel {i} is dead: {total[i]:.1f} m against {total.max():.1f} m of the others; it is left out" for i in dead]
     if alive.size == 1:
         remarks.append(f"only wheel {alive[0]} works: slips cannot be seen")
     return alive
@@ -184,13 +190,13 @@ def _adjust(knots: _Knots, raw: RawRun, remarks: list[str]) -> tuple[Floats, Flo
         good[:] = True
         _kernels_path.mark_slips(step, _SLIP_TOLERANCE, alarm, good)
     drift = np.ptp(local, axis=0)
-    for i in np.flatnonzero(drift > 1e-3):
-        remarks.append(f"wheel {i}: relative scale drifts by {1e6 * drift[i]:.0f} ppm over the run (wear)")
+    worn = np.flatnonzero(drift > 1e-3)
+    remarks += [f"wheel {i}: relative scale drifts by {1e6 * drift[i]:.0f} ppm over the run (wear)" for i in worn]
     return scale, scale_sigma, arm, good, step
 
 
 def _scales_and_arms(step: Floats, turning: Floats, good: Floats, reach: float, knot_s: float) -> tuple[Floats, Floats, Floats]:
-    """Scales and arms of the wheels relative to their mean, robustly, from blocks of a second; both sum to zero over the wheels."""
+    """Scales and arms of the wheels relative to their mean, robustly, from blocks of a second; both sum to zero."""
     every = max(round(1.0 / knot_s), 1)
     edges = np.arange(0, step.shape[0], every)
     blocks = np.add.reduceat(step, edges)
@@ -227,7 +233,7 @@ def _robust_fit(A: Floats, y: Floats, reach: float) -> tuple[Floats, Floats]:
 
 
 def _local_scale(step: Floats, good: Floats, scale: Floats) -> Floats:
-    """Relative scale of each wheel along the run (knot, wheel): ratio to the mean of the wheels in blocks, between them linear."""
+    """Relative scale of each wheel along the run (knot, wheel): ratio to the mean of the wheels, linear between blocks."""
     whole = good.all(axis=1)
     mean = (step / (1.0 + scale)).mean(axis=1)
     along = np.cumsum(np.where(whole, mean, 0.0))
