@@ -49,4 +49,8 @@ def turned(steps, azimuth, pitch, scale, out):
             out[k, :] = 0.0
             continue
         a, p = math.atan2(e, n) + azimuth, math.atan2(u, level) + pitch
-        out[k, 0], out[k, 1], out[k, 2] = length * math.sin(a) * math.cos(p), length * math.cos(a) * math.cos(p), length * math.sin(p)
+        out[k, 0], out[k, 1], out[k, 2] = (
+            length * math.sin(a) * math.cos(p),
+            length * math.cos(a) * math.cos(p),
+            length * math.sin(p),
+        )

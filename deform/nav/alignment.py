@@ -124,10 +124,14 @@ def _axis_fault(rate: Floats, up: Floats, expected: float, doubt: float, vertica
     """Name the axis whose reversal would mend the earth's vertical rate."""
     said = f"the earth's vertical rate at rest is {math.degrees(vertical) * 3600:.2f} °/h, it must be {math.degrees(expected) * 3600:.2f} °/h"
     if abs(-vertical - expected) < doubt:
-        return Fault("imu.nc", "gyro_count", said + "; all gyro axes, or all accelerometer axes, look reversed", "check sensor_to_body")
+        return Fault(
+            "imu.nc", "gyro_count", said + "; all gyro axes, or all accelerometer axes, look reversed", "check sensor_to_body"
+        )
     mended = [abs(float((rate * s) @ up) - expected) for s in (np.array([-1, 1, 1]), np.array([1, -1, 1]), np.array([1, 1, -1]))]
     best = int(np.argmin(mended))
     if mended[best] < doubt:
         axis = ("x (right)", "y (forward)", "z (up)")[best]
-        return Fault("imu.nc", f"axis {axis}", said + f"; gyro or accelerometer axis {axis} looks reversed", "check sensor_to_body")
+        return Fault(
+            "imu.nc", f"axis {axis}", said + f"; gyro or accelerometer axis {axis} looks reversed", "check sensor_to_body"
+        )
     return Fault("imu.nc", "gyro_count", said, "check gyro_pulse_rad, sensor_to_body and the latitude of the launch")

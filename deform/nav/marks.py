@@ -32,7 +32,9 @@ class MarkCorrection:
     misfit: Floats
 
 
-def correct_between_marks(steps: Floats, epoch: NDArray[np.int64], marks: Floats, sigma: Floats, gate: float = 4.0) -> MarkCorrection:
+def correct_between_marks(
+    steps: Floats, epoch: NDArray[np.int64], marks: Floats, sigma: Floats, gate: float = 4.0
+) -> MarkCorrection:
     """Turn and stretch the path between marks until it meets each of them; a mark that its neighbours contradict is left out.
 
     Parameters

@@ -76,7 +76,11 @@ def epoch_bounds(time: Floats, interval: float, extra: Floats | None = None) -> 
     grid = np.arange(time[0] + interval, time[-1], interval)
     if extra is not None and len(extra):
         inside = extra[(extra > time[0]) & (extra < time[-1])]
-        near = np.abs(grid[np.clip(np.searchsorted(grid, inside), 0, max(grid.size - 1, 0))] - inside) if grid.size else inside * np.inf
+        near = (
+            np.abs(grid[np.clip(np.searchsorted(grid, inside), 0, max(grid.size - 1, 0))] - inside)
+            if grid.size
+            else inside * np.inf
+        )
         grid = np.sort(np.concatenate([grid, inside[near > 1e-3]]))
     right = np.clip(np.searchsorted(time, grid), 1, time.size - 1)
     index = np.where(time[right] - grid < grid - time[right - 1], right, right - 1)
@@ -124,5 +128,7 @@ def mechanize(epochs: Epochs, place: Floats, velocity: Floats, attitude: Floats)
     places, velocities, attitudes = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3, 3))
     places[0], velocities[0], attitudes[0] = place, velocity, attitude
     for k in range(n):
-        _kernels.advance(epochs.table[k], places[k], velocities[k], attitudes[k], places[k + 1], velocities[k + 1], attitudes[k + 1])
+        _kernels.advance(
+            epochs.table[k], places[k], velocities[k], attitudes[k], places[k + 1], velocities[k + 1], attitudes[k + 1]
+        )
     return places, velocities, attitudes
