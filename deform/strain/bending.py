@@ -44,10 +44,9 @@ def add_bending(centreline: xr.Dataset, *, outside_diameter: float, options: Str
         centreline["chainage"].values, centreline["azimuth"].values, centreline["pitch"].values, gauge
     )
     step = float(np.diff(centreline["chainage"].values[:2])[0])
-    sigmas = [
-        noise_sigma(k, max(round(_SIGMA_WINDOW_M / step), 10), max(round(4.0 * gauge / step), 1)) for k in (horizontal, vertical)
-    ]
-    values = _variables(horizontal, vertical, *sigmas, 0.5 * outside_diameter)
+    window, lag = max(round(_SIGMA_WINDOW_M / step), 10), max(round(4.0 * gauge / step), 1)
+    sigmas = noise_sigma(horizontal, window, lag), noise_sigma(vertical, window, lag)
+    values = _variables(horizontal, vertical, sigmas[0], sigmas[1], 0.5 * outside_diameter)
     out = build.add(centreline, "centreline", values)
     for name in values:
         out[name].attrs["gauge_length_m"] = gauge
