@@ -1,0 +1,149 @@
+"""Weld lists in, the model of their joint lengths out: density of the line's lengths, noise, rates of the moves, local scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from deform.correlate._kernels import Rates
+
+_BIN = 0.01  # metre
+_BROAD = 0.08  # share of the density that is spread over all lengths: what no joint before has shown
+_LEAST_SIGMA, _MOST_SIGMA = 0.004, 0.5  # metre
+
+
+@dataclass(frozen=True)
+class LengthModel:
+    """What two runs of one line have in common, and how they differ.
+
+    Attributes
+    ----------
+    rates : noise of a joint's length difference (metre, scale of Student's t with 3 degrees of freedom) and weights of the moves.
+    density : density of joint lengths (1/m) in bins of 1 cm from zero.
+    """
+
+    rates: Rates
+    density: np.ndarray
+
+    def inverse_density(self, places: np.ndarray) -> np.ndarray:
+        """One over the density at the joint that ends at each weld (metre); 1 at the first weld."""
+        inverse = np.ones(places.size)
+        if places.size > 1:
+            inverse[1:] = 1.0 / self.density[np.minimum((np.diff(places) / _BIN).astype(int), self.density.size - 1)]
+        return inverse
+
+
+def first_rates(sigma: float = 0.05, missed: float = 0.01, false: float = 0.01, edit: float = 2e-3) -> Rates:
+    """Rates before any data were seen: one edit in 500 joints, of some 8 joints."""
+    extend = 0.88
+    return Rates(
+        sigma=sigma,
+        same=0.95,
+        missed_a=missed,
+        missed_b=missed,
+        false_a=false,
+        false_b=false,
+        shifted=1e-3,
+        shift_m=0.4,
+        middle=1e-2,
+        open_both=edit,
+        open_one=edit / 10.0,
+        extend=extend,
+        switch=0.03,
+        close=1.0 - extend,
+    )
+
+
+def length_density(*places: np.ndarray, sigma: float) -> np.ndarray:
+    """Density of joint lengths (1/m) of all runs together, smoothed by the noise, in bins of 1 cm.
+
+    Notes
+    -----
+    The histogram is convolved with a Gaussian of the noise of one run's length, and mixed with a broad part (8 %), so that a
+    length never seen is unlikely but not impossible.
+    """
+    lengths = np.concatenate([np.diff(p) for p in places]) if places else np.empty(0)
+    lengths = lengths[(lengths > 0) & (lengths < 60.0)]
+    most = max(30.0, float(lengths.max(initial=0.0)) * 1.2)
+    n = int(most / _BIN) + 1
+    counts = np.bincount((lengths / _BIN).astype(int), minlength=n)[:n].astype(float)
+    half = int(np.ceil(4.0 * sigma / _BIN))
+    kernel = np.exp(-0.5 * (np.arange(-half, half + 1) * _BIN / sigma) ** 2)
+    smooth = np.convolve(counts, kernel / kernel.sum(), mode="same") if lengths.size else counts
+    return (1.0 - _BROAD) * smooth / max(lengths.size, 1) / _BIN + _BROAD / most
+
+
+def local_scale(x: np.ndarray, y: np.ndarray, places: np.ndarray, half_window: int = 25, most: float = 0.03) -> np.ndarray:
+    """Scale of B against A along the line from joints that are the same in both.
+
+    Parameters
+    ----------
+    x, y : lengths (k) of the same joints in A and in B, metre, in the order of the line.
+    places : place of each joint in A (k), metre.
+    half_window : joints on each side over which the ratio of the summed lengths is formed.
+    most : a joint whose ratio departs more from the median does not count.
+
+    Returns
+    -------
+    scale : (k) B over A.
+    """
+    if not x.size:
+        return np.ones(0)
+    ratio = y / x
+    middle = np.median(ratio)
+    good = np.abs(ratio / middle - 1.0) < most
+    if not good.any():
+        return np.full(x.size, middle)
+    sx, sy = (np.concatenate([[0.0], np.cumsum(np.where(good, v, 0.0))]) for v in (x, y))
+    k = np.arange(x.size)
+    first, last = np.maximum(k - half_window, 0), np.minimum(k + half_window + 1, x.size)
+    dx = sx[last] - sx[first]
+    return np.where(dx > 0, (sy[last] - sy[first]) / np.maximum(dx, 1e-9), middle)
+
+
+def warp(places: np.ndarray, at: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Places of A on the scale of B: the integral of the local scale (given at places ``at`` of A), from the first weld."""
+    if not at.size:
+        return places - places[0]
+    middle = 0.5 * (places[1:] + places[:-1])
+    return np.concatenate([[0.0], np.cumsum(np.diff(places) * np.interp(middle, at, scale))])
+
+
+def noise(residuals: np.ndarray) -> float:
+    """Scale (metre) of Student's t with 3 degrees of freedom from residuals of joint lengths, robust."""
+    r = residuals[np.isfinite(residuals)]
+    if r.size < 5:
+        return np.nan
+    sigma = float(np.median(np.abs(r)) / 0.7649)  # median of |t3|
+    for _ in range(20):
+        weight = 4.0 / (3.0 + (r / sigma) ** 2)
+        sigma = float(np.sqrt(np.mean(weight * r**2)))
+        sigma = min(max(sigma, _LEAST_SIGMA), _MOST_SIGMA)
+    return sigma
+
+
+def reestimate(model: LengthModel, residuals: np.ndarray, moves: np.ndarray, n_edits: int, density: np.ndarray) -> LengthModel:
+    """Noise and rates anew from the moves of a path (each rate drawn towards its prior by a few counts)."""
+    count = {code: int(np.count_nonzero(moves == code)) for code in (11, 12, 21, 13, 31, 22)}
+    joints = count[11] + 2 * (count[12] + count[21] + count[22]) + 3 * (count[13] + count[31])
+    prior = 200.0
+    old = model.rates
+    sigma = noise(residuals)
+
+    def share(n: float, before: float) -> float:
+        return float(np.clip((n + prior * before) / (joints + prior), 1e-4, 0.15))
+
+    extra_b, extra_a = count[12] + 2 * count[13], count[21] + 2 * count[31]
+    rates = old._replace(
+        sigma=old.sigma if np.isnan(sigma) else sigma,
+        missed_a=share(0.5 * extra_b, old.missed_a),
+        false_b=share(0.5 * extra_b, old.false_b),
+        missed_b=share(0.5 * extra_a, old.missed_b),
+        false_a=share(0.5 * extra_a, old.false_a),
+        shifted=float(np.clip((count[22] + prior * old.shifted) / (joints + prior), 1e-4, 0.02)),
+        open_both=float(np.clip((n_edits + prior * old.open_both) / (joints + prior), 2e-4, 0.02)),
+    )
+    rates = rates._replace(open_one=rates.open_both / 10.0)
+    same = 1.0 - rates.missed_a - rates.missed_b - rates.false_a - rates.false_b - rates.shifted - rates.open_both
+    return replace(model, rates=rates._replace(same=max(same, 0.5)), density=density)

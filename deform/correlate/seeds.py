@@ -1,0 +1,164 @@
+"""Two weld lists in, direction, scale, anchors and the band of the alignment out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deform.correlate._seed_kernels import heaviest_chain, search
+from deform.correlate.length_model import length_density
+
+_LONG = 8  # joints of a window that must be found anywhere in the other run
+_SHORT = 4  # joints of a window that must be found near its expected place
+_WINDOWS = 96  # long windows that are looked for
+_TOLERANCE = 0.22  # metre, of one joint's length
+_BIN = 0.01  # metre
+
+
+@dataclass(frozen=True)
+class Seeds:
+    """How run B lies against run A before any alignment.
+
+    Attributes
+    ----------
+    direction : +1, or -1 when B must be turned.
+    scale : B over A.
+    i, j : anchors: weld i of A is probably weld j of B (turned, where direction is -1).
+    local : scale of B over A at each anchor.
+    support : weight (nats) of the best chain of long windows in this direction, and in the other.
+    """
+
+    direction: int
+    scale: float
+    i: np.ndarray
+    j: np.ndarray
+    local: np.ndarray
+    support: tuple[float, float]
+
+
+def find_seeds(x: np.ndarray, y: np.ndarray, scale_range: float, directions: tuple[int, ...] = (1, -1), unit: float = 1.0) -> Seeds | None:
+    """Return direction, scale and anchors, or None when no sequence of lengths is found in both runs.
+
+    Parameters
+    ----------
+    x, y : weld places of A (n) and B (m), metre, rising.
+    scale_range : largest departure of the scale from ``unit``.
+    directions : directions that are tried.
+    unit : middle of the scales that are tried (0.3048 when B may be in feet).
+    """
+    trials = []
+    for direction in directions:
+        b = y if direction > 0 else -y[::-1]
+        chain = _long_chain(x, b, unit * (1 - scale_range), unit * (1 + scale_range))
+        trials.append((chain[0] if chain else 0.0, direction, b, chain))
+    trials.sort(key=lambda t: -t[0])
+    weight, direction, b, chain = trials[0]
+    if chain is None:
+        return None
+    _, i, j, local = chain
+    scale = float(np.median(local))
+    i, j, local = _near_chain(x, b, i, j, scale)
+    return Seeds(direction, scale, i, j, local, (weight, trials[1][0] if len(trials) > 1 else 0.0))
+
+
+def band(n: int, m: int, i: np.ndarray, j: np.ndarray, half_width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return first and last column of each row, and where each row begins in the flat arrays.
+
+    Between two anchors a row holds the diagonals of both, and all columns between them; it is wider where anchors are far apart.
+    """
+    if not i.size:
+        low, high = np.zeros(n, np.int64), np.full(n, m - 1, np.int64)
+    else:
+        rows = np.arange(n)
+        after = np.searchsorted(i, rows, side="right")
+        left, right = np.clip(after - 1, 0, i.size - 1), np.clip(after, 0, i.size - 1)
+        shift = j - i
+        away = np.minimum(np.abs(rows - i[left]), np.abs(i[right] - rows))
+        half = half_width + (0.7 * np.sqrt(away)).astype(np.int64)
+        low = rows + np.minimum(shift[left], shift[right]) - half
+        high = rows + np.maximum(shift[left], shift[right]) + half
+        low, high = np.maximum.accumulate(np.clip(low, 0, m - 1)), np.clip(high, 0, m - 1)
+        high = np.maximum.accumulate(np.maximum(high, low))
+    offset = np.concatenate([[0], np.cumsum(high - low + 1)])
+    return low.astype(np.int64), high.astype(np.int64), offset.astype(np.int64)
+
+
+def _information(x: np.ndarray, y: np.ndarray, scale: float = 1.0) -> np.ndarray:
+    """Nats that each joint of A tells when its length is met again within the tolerance."""
+    density = length_density(x, sigma=0.05)
+    k = np.minimum((np.diff(x) / _BIN).astype(int), density.size - 1)
+    return np.maximum(-np.log(np.minimum(density[k] * _TOLERANCE, 1.0)), 0.0)
+
+
+def _window_starts(x: np.ndarray, information: np.ndarray, k: int, blocks: int) -> np.ndarray:
+    """First weld of the window that tells most in each of so many blocks of the run."""
+    total = np.concatenate([[0.0], np.cumsum(information)])
+    told = total[k:] - total[:-k]
+    edges = np.unique(np.linspace(0, told.size, blocks + 1).astype(int))
+    return np.asarray([a + int(np.argmax(told[a:b])) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a], np.int64)
+
+
+def _long_chain(x, y, least, most):
+    """Chain of windows found anywhere: weight, welds of A, welds of B, local scale."""
+    k = min(_LONG, x.size - 1, y.size - 1)
+    if k < 3:
+        return None
+    information = _information(x, y)
+    starts = _window_starts(x, information, k, _WINDOWS)
+    all_b = np.full(starts.size, y.size)
+    window, j, scale, misfit = search(
+        x, y, starts, np.zeros(starts.size, np.int64), all_b, k, np.full(starts.size, least), np.full(starts.size, most), _TOLERANCE, 12
+    )
+    if not window.size:
+        return None
+    told = np.concatenate([[0.0], np.cumsum(information)])
+    i = starts[window]
+    often = np.bincount(window, minlength=starts.size)[window]
+    weight = (told[i + k] - told[i] - 0.5 * k * (misfit / 0.05) ** 2 * 0.3 - np.log(often) - np.log(max(y.size, 2))).clip(0.05)
+    best = _scaled_chain(x, y, i, j, scale, weight)
+    return None if best is None else (float(weight[best].sum()), i[best], j[best], scale[best])
+
+
+def _scaled_chain(x, y, i, j, scale, weight):
+    """Heaviest chain rising in both runs whose windows have one scale within 2 %: the scale is voted for first."""
+    order = np.argsort(scale)
+    s, w = scale[order], np.concatenate([[0.0], np.cumsum(weight[order])])
+    end = np.searchsorted(s, s * 1.03, side="right")
+    vote = w[end] - w[np.arange(s.size)]
+    at = int(np.argmax(vote))
+    kept = np.flatnonzero((scale >= s[at]) & (scale <= s[at] * 1.03))
+    kept = kept[np.lexsort((-j[kept], i[kept]))]
+    return kept[heaviest_chain(i[kept], j[kept], weight[kept], y.size)]
+
+
+def _near_chain(x, y, i0, j0, scale):
+    """Dense anchors: short windows looked for near the place that the long ones predict."""
+    k = _SHORT
+    if x.size <= k or y.size <= k:
+        return i0, j0, np.full(i0.size, scale)
+    starts = np.arange(0, x.size - k, max(k, 1), dtype=np.int64)
+    at = np.interp(x[starts], x[i0], y[j0])
+    at = np.where(x[starts] < x[i0[0]], y[j0[0]] + scale * (x[starts] - x[i0[0]]), at)
+    at = np.where(x[starts] > x[i0[-1]], y[j0[-1]] + scale * (x[starts] - x[i0[-1]]), at)
+    right = np.clip(np.searchsorted(i0, starts), 0, i0.size - 1)
+    left = np.clip(right - 1, 0, i0.size - 1)
+    bridged = np.abs((y[j0[right]] - y[j0[left]]) - scale * (x[i0[right]] - x[i0[left]]))
+    away = np.minimum(np.abs(x[starts] - x[i0[left]]), np.abs(x[starts] - x[i0[right]]))
+    reach = (30.0 + 0.02 * away + 1.2 * np.minimum(bridged, 3000.0)) * max(scale, 0.1)
+    first, last = np.searchsorted(y, at - reach), np.searchsorted(y, at + reach)
+    least = np.full(starts.size, scale * 0.975)
+    window, j, local, misfit = search(x, y, starts, first, last, k, least, least * 1.05 / 0.975, _TOLERANCE, 6)
+    if not window.size:
+        return i0, j0, np.full(i0.size, scale)
+    information = _information(x, y)
+    told = np.concatenate([[0.0], np.cumsum(information)])
+    i = starts[window]
+    often = np.bincount(window, minlength=starts.size)[window]
+    weight = (told[i + k] - told[i]) / often**2
+    kept = np.flatnonzero(weight > 1.5)
+    kept = kept[np.lexsort((-j[kept], i[kept]))]
+    if not kept.size:
+        return i0, j0, np.full(i0.size, scale)
+    chain = kept[heaviest_chain(i[kept], j[kept], weight[kept], y.size)]
+    return i[chain], j[chain], local[chain]

@@ -1,0 +1,124 @@
+"""A run in, its weld list out: places in order, doubles set aside, with what else is known of each weld and joint."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from deform.errors import Fault, InputError
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class WeldList:
+    """Girth welds of one run in the order of its chainage.
+
+    Attributes
+    ----------
+    run : id of the run.
+    index : place of each weld in the run's group ``/welds`` (n).
+    place : chainage (n), metre, rising.
+    probability : of the detection (n).
+    log_distance : metre, NaN where not known (n).
+    label : vendor's number of the joint that begins here, empty where not known (n).
+    wall, seam : wall thickness (metre) and clock of the seam (degree) of the joint that begins here, NaN where not known (n).
+    fitting : what stands in the joint that begins here, in sorted words, empty where nothing (n).
+    doubles : index in ``/welds`` of rows that stand upon another weld, and the index of that weld.
+    size : welds in ``/welds``, the doubles included.
+    """
+
+    run: str
+    index: np.ndarray
+    place: np.ndarray
+    probability: np.ndarray
+    log_distance: np.ndarray
+    label: np.ndarray
+    wall: np.ndarray
+    seam: np.ndarray
+    fitting: np.ndarray
+    doubles: dict[int, int]
+    size: int
+
+    @property
+    def n(self) -> int:
+        """Welds that take part."""
+        return self.place.size
+
+
+def weld_list(run: xr.DataTree, least_joint: float = 0.1) -> WeldList:
+    """Return the weld list of a run; joints shorter than ``least_joint`` (metre) are doubles of one weld.
+
+    Raises
+    ------
+    InputError
+        When the run has no welds, or a chainage that is not finite.
+    """
+    name = str(run.attrs.get("id", "run"))
+    if "welds" not in run.children:
+        raise InputError(Fault(name, "/welds", "is absent; runs are matched by their girth welds", "detect welds or give a listing with them"))
+    ds = run["welds"].to_dataset()
+    place = np.asarray(ds["chainage"].values, float)
+    if not np.isfinite(place).all():
+        at = int(np.flatnonzero(~np.isfinite(place))[0])
+        raise InputError(Fault(f"{name}/welds", "chainage", f"is not finite at weld {at}", "remove the weld or give its place"))
+    if place.size < 2:
+        raise InputError(Fault(f"{name}/welds", "chainage", f"holds {place.size} welds; a match needs two at least"))
+    probability = _floats(ds, "probability", 1.0)
+    probability = np.where(np.isfinite(probability), probability, 1.0)
+    order = np.argsort(place, kind="stable")
+    if (order != np.arange(place.size)).any():
+        _log.warning("%s: welds are not sorted by chainage; they are matched in the order of their chainage", name)
+    kept, doubles = _without_doubles(place, probability, order, least_joint)
+    if doubles:
+        _log.warning("%s: %d welds stand within %.2f m of another weld and count as doubles of it", name, len(doubles), least_joint)
+    label = np.asarray([str(v) for v in ds["label"].values], object) if "label" in ds else np.full(place.size, "", object)
+    fitting = _fittings(run, place[kept])
+    return WeldList(
+        run=name,
+        index=kept,
+        place=place[kept],
+        probability=probability[kept],
+        log_distance=_floats(ds, "log_distance", np.nan)[kept],
+        label=label[kept],
+        wall=_floats(ds, "wall_thickness", np.nan)[kept],
+        seam=_floats(ds, "seam_clock", np.nan)[kept],
+        fitting=fitting,
+        doubles=doubles,
+        size=place.size,
+    )
+
+
+def _floats(ds: xr.Dataset, name: str, absent: float) -> np.ndarray:
+    return np.asarray(ds[name].values, float) if name in ds else np.full(ds.sizes["weld"], absent)
+
+
+def _without_doubles(place, probability, order, least_joint):
+    gap = np.diff(place[order])
+    if (gap >= least_joint).all():
+        return order, {}
+    kept: list[int] = []
+    doubles: dict[int, int] = {}
+    for k in order:
+        if kept and place[k] - place[kept[-1]] < least_joint:
+            loser, winner = (int(k), kept[-1]) if probability[k] <= probability[kept[-1]] else (kept[-1], int(k))
+            doubles[loser] = winner
+            kept[-1] = winner
+        else:
+            kept.append(int(k))
+    return np.asarray(kept), doubles
+
+
+def _fittings(run: xr.DataTree, place: np.ndarray) -> np.ndarray:
+    words: list[set[str]] = [set() for _ in place]
+    if "features" in run.children:
+        ds = run["features"].to_dataset()
+        kinds = np.asarray(ds["kind"].values).astype(str)
+        at = np.searchsorted(place, np.asarray(ds["chainage"].values, float), side="right") - 1
+        for kind, k in zip(kinds, at, strict=True):
+            if k >= 0 and kind in ("valve", "tee", "flange"):
+                words[k].add(kind)
+    return np.asarray(["+".join(sorted(w)) for w in words], object)

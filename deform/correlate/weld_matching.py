@@ -1,0 +1,259 @@
+"""Runs of one line in, their welds matched out: one identity per weld, a chainage map per run, and what was changed."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from scipy import sparse
+
+from deform.correlate.alignment import PairAlignment, align
+from deform.correlate.chainage import ChainageMap, identity_map
+from deform.correlate.edits import changed_between, find_changes, real_columns, reference_lengths, weld_rows
+from deform.correlate.joints import joint_table
+from deform.correlate.registry import Registry, merge
+from deform.correlate.weld_list import WeldList, weld_list
+from deform.errors import Fault, InputError, WrongLineError
+from deform.options import MatchOptions
+from deform.run import build
+
+
+@dataclass(frozen=True)
+class Matching:
+    """What the runs of a line have in common.
+
+    Attributes
+    ----------
+    welds : rows of ``tables/welds.csv``.
+    joints : rows of ``tables/joints.csv``, with columns ``length_m:<run>``, ``change_m:<run>``, ``change_sigma_m:<run>``.
+    maps : `ChainageMap` of each run id.
+    pairs : one row per pair of runs: direction, scale, noise, drift, welds matched, evidence.
+    edits : one row per edit of the line or of a list: kind, run, first and last weld, reference chainage, joints, reason.
+    reference : id of the reference run.
+    """
+
+    welds: pd.DataFrame
+    joints: pd.DataFrame
+    maps: dict[str, ChainageMap]
+    pairs: pd.DataFrame
+    edits: pd.DataFrame
+    reference: str
+
+
+def match_runs(
+    runs: list[xr.DataTree],
+    options: MatchOptions | None = None,
+    reference: str | None = None,
+    locks: pd.DataFrame | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Matching:
+    """Match the girth welds of all runs of a line.
+
+    Parameters
+    ----------
+    runs : runs in the order of their dates, each with a group ``/welds``.
+    reference : id of the run whose chainage is the axis; default the first.
+    locks : pairs that must, or must not, be one weld: columns ``run_a``, ``index_a``, ``run_b``, ``index_b``, ``kind`` (``lock`` or
+        ``forbid``); ``index`` is the place in the run's ``/welds``.
+    progress : called with the fraction done.
+
+    Raises
+    ------
+    InputError
+        When a run has no usable welds, an id occurs twice, or the reference is not among the runs.
+    WrongLineError
+        When a run has nothing in common with any other; with the numbers.
+    """
+    options = options or MatchOptions()
+    lists = [weld_list(run, options.least_joint_m) for run in runs]
+    ref = _reference(lists, reference)
+    pairs = _align_all(lists, ref, options, locks, progress)
+    scales = _scales(pairs, lists, ref)
+    posteriors = {
+        (a, b): sparse.csr_matrix((p.posterior, (p.i, p.j)), shape=(lists[a].n, lists[b].n)) for (a, b), p in pairs.items()
+    }
+    registry = merge(lists, posteriors, ref, scales, options.least_probability)
+    own = reference_lengths(registry, lists, scales)
+    model = max((p.model for p in pairs.values()), key=lambda m: m.rates.sigma)
+    changes = find_changes(registry, own, model.rates.sigma)
+    real = real_columns(registry, own, lists, changes, model)
+    maps = _maps(registry, lists, ref, changes, pairs)
+    welds = weld_rows(
+        registry, lists, own, changes, real, lambda r, s: maps[lists[r].run].to_run(s), options.shift_m
+    )
+    welds = build.table("welds", welds)
+    joints = joint_table(registry, lists, ref, changes, real, pairs, welds)
+    return Matching(welds, joints, maps, _pair_table(pairs, lists), _edit_table(welds, registry, lists, changes, real), lists[ref].run)
+
+
+def _reference(lists: list[WeldList], reference: str | None) -> int:
+    ids = [w.run for w in lists]
+    twice = sorted({i for i in ids if ids.count(i) > 1})
+    if twice:
+        raise InputError([Fault(i, "id", "occurs twice among the runs; ids must differ") for i in twice])
+    if not ids:
+        raise InputError("no runs were given to match")
+    if reference is not None and reference not in ids:
+        raise InputError(Fault("survey", "reference", f"{reference!r} is not among the runs {', '.join(ids)}"))
+    return ids.index(reference) if reference is not None else 0
+
+
+def _align_all(lists, ref, options, locks, progress) -> dict[tuple[int, int], PairAlignment]:
+    """Align every pair of runs; a pair that fails is left out when both runs are held by others."""
+    found: dict[tuple[int, int], PairAlignment] = {}
+    faults: list[Fault] = []
+    todo = sorted(itertools.combinations(range(len(lists)), 2), key=lambda p: ref not in p)
+    for done, (a, b) in enumerate(todo):
+        try:
+            found[a, b] = align(lists[a].place, lists[b].place, options, (lists[a].run, lists[b].run))
+        except WrongLineError as fault:
+            faults += fault.faults
+        if progress:
+            progress((done + 1) / len(todo))
+    inside = {ref}
+    for _ in lists:
+        inside |= {r for pair in found if set(pair) & inside for r in pair}
+    if len(inside) < len(lists):
+        raise WrongLineError(faults)
+    return found
+
+
+def _scales(pairs, lists, ref) -> dict[int, float]:
+    """Signed scale of each run against the reference, along the pairs."""
+    scales = {ref: 1.0}
+    while len(scales) < len(lists):
+        for (a, b), p in pairs.items():
+            if a in scales and b not in scales:
+                scales[b] = scales[a] * p.scale * p.direction
+            elif b in scales and a not in scales:
+                scales[a] = scales[b] / (p.scale * p.direction)
+    return scales
+
+
+def _maps(registry: Registry, lists, ref, changes, pairs) -> dict[str, ChainageMap]:
+    maps = {}
+    for r, welds in enumerate(lists):
+        if r == ref:
+            maps[welds.run] = identity_map(welds.run, welds.place)
+            continue
+        rows = np.flatnonzero(registry.member[:, r] >= 0)
+        common = rows[registry.member[rows, ref] >= 0]
+        if common.size < 2:
+            common = rows
+        broken = _broken(registry, changes, ref, r, common)
+        pair = pairs.get((min(r, ref), max(r, ref)))
+        sigma = 0.03 if pair is None else float(pair.model.rates.sigma)
+        maps[welds.run] = ChainageMap(welds.run, registry.place[common], welds.place[registry.member[common, r]], sigma, broken)
+    return maps
+
+
+def _broken(registry, changes, ref, r, common) -> np.ndarray:
+    """Stretches of the reference chainage that changed between the reference and run r, from common weld to common weld."""
+    low, high = min(ref, r), max(ref, r)
+    stretches = []
+    for change in changes:
+        if low <= change.before and change.after <= high:
+            left = common[common <= change.first]
+            right = common[common >= change.last]
+            first = registry.place[left[-1]] if left.size else registry.place[change.first]
+            last = registry.place[right[0]] if right.size else registry.place[change.last]
+            stretches.append((first, last))
+    return np.asarray(sorted(set(stretches)), float).reshape(-1, 2)
+
+
+def _pair_table(pairs, lists) -> pd.DataFrame:
+    rows = []
+    for (a, b), p in pairs.items():
+        held = p.partner >= 0
+        drift = np.nan
+        if held.sum() > 2:
+            x, y = lists[a].place[held], lists[b].place[p.partner[held]]
+            drift = float(np.abs(y - np.polyval(np.polyfit(x, y, 1), x)).max())
+        rows.append(
+            {
+                "run_a": lists[a].run,
+                "run_b": lists[b].run,
+                "direction": p.direction,
+                "scale": p.scale,
+                "noise_sigma_m": p.model.rates.sigma,
+                "drift_max_m": drift,
+                "n_a": lists[a].n,
+                "n_b": lists[b].n,
+                "n_matched": int(held.sum()),
+                "evidence_nats": p.evidence_nats,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _edit_table(welds, registry, lists, changes, real) -> pd.DataFrame:
+    columns = ["kind", "run", "first_weld", "last_weld", "start_m", "end_m", "n_old", "n_new", "reason"]
+    ids = _ids(welds, registry, lists, real)
+    rows = [
+        {
+            "kind": c.kind,
+            "run": lists[c.after].run,
+            "first_weld": ids[c.first],
+            "last_weld": ids[c.last],
+            "start_m": registry.place[c.first],
+            "end_m": registry.place[c.last],
+            "n_old": c.n_old,
+            "n_new": c.n_new,
+            "reason": f"{c.n_old} joints ({c.length_old:.2f} m) in {lists[c.before].run}, {c.n_new} ({c.length_new:.2f} m) in {lists[c.after].run}",
+        }
+        for c in changes
+    ]
+    single = welds[welds["status"].isin(["missed", "false", "shifted"])]
+    rows += [
+        {
+            "kind": w.status,
+            "run": w.run,
+            "first_weld": w.weld_id,
+            "last_weld": w.weld_id,
+            "start_m": w.reference_chainage_m,
+            "end_m": w.reference_chainage_m,
+            "n_old": 0,
+            "n_new": 0,
+            "reason": w.reason,
+        }
+        for w in single.itertuples()
+    ]
+    rows += _ends(registry, lists, ids)
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _ends(registry, lists, ids) -> list[dict]:
+    """Where a run begins or ends within the line of the others."""
+    rows = []
+    for r, welds in enumerate(lists):
+        have = np.flatnonzero(registry.member[:, r] >= 0)
+        for column, side, beyond in ((have[0], "begins", have[0]), (have[-1], "ends", registry.place.size - 1 - have[-1])):
+            if beyond:
+                far = registry.place[0] if side == "begins" else registry.place[-1]
+                rows.append(
+                    {
+                        "kind": "ends",
+                        "run": welds.run,
+                        "first_weld": ids[column],
+                        "last_weld": ids[column],
+                        "start_m": min(far, registry.place[column]),
+                        "end_m": max(far, registry.place[column]),
+                        "n_old": int(beyond),
+                        "n_new": 0,
+                        "reason": f"the run {side} here; other runs have {beyond} more welds",
+                    }
+                )
+    return rows
+
+
+def _ids(welds, registry, lists, real) -> list[str]:
+    by_weld = {(w.run, int(w.index_)): w.weld_id for w in welds.rename(columns={"index": "index_"}).dropna(subset=["index_"]).itertuples()}
+    ids = []
+    for column in range(registry.place.size):
+        r = int(np.flatnonzero(registry.member[column] >= 0)[0])
+        ids.append(by_weld[lists[r].run, int(lists[r].index[registry.member[column, r]])])
+    return ids
