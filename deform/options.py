@@ -146,10 +146,10 @@ class MovementOptions:
     """Ground that moves and takes the pipe along."""
 
     id: str
-    kind: Literal["landslide", "settlement", "heave"] = "landslide"
     start_m: NotNegative
     length_m: Positive
     amplitude_m: Positive  # largest displacement, at the last run or at fraction 1
+    kind: Literal["landslide", "settlement", "heave"] = "landslide"
     side_deg: float = 90.0  # direction from the pipe's own, clockwise: 90 = to the right; settlement and heave are vertical
     drop: float = 0.15  # downward part of a landslide, in parts of its amplitude
     plateau: Probability = 0.2  # part of the length that moves as one
@@ -163,10 +163,10 @@ class ReplacementOptions:
     """Pipe that was cut out and replaced, in its place (cut-out) or beside it (re-route)."""
 
     id: str
-    kind: Literal["cutout", "reroute"] = "cutout"
-    first_run: Annotated[int, Field(ge=1)] = 1
     start_m: NotNegative
     length_m: Positive
+    kind: Literal["cutout", "reroute"] = "cutout"
+    first_run: Annotated[int, Field(ge=1)] = 1
     offset_m: float = 0.1  # to the right of the old pipe
 
 
