@@ -1,1 +1,3 @@
+"""The output folder of a survey in, documents for people out: page, PDF, workbook, GIS; no science here."""
 
+from deform.report.write import write_report as write_report

@@ -1,0 +1,175 @@
+"""An output folder in, its datasets and tables out; what is absent or unreadable is listed, never fatal."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+import deform.vocabulary as vocabulary
+from deform.errors import DeformError, Fault, InputError
+from deform.run import store
+
+_TABLES = ("zones", "dents", "trends", "joints", "welds")
+_GROUPS = ("centreline", "welds", "dents", "markers", "features")
+
+
+@dataclass(frozen=True)
+class Content:
+    """What an output folder holds.
+
+    Attributes
+    ----------
+    folder : the folder.
+    line : name of the line.
+    survey : content of ``survey.json``.
+    runs : runs in the order of their dates, without the wall maps (`wall_window` reads those piecewise).
+    comparison : ``comparison.nc`` or None.
+    tables : the tables of the contract by name, empty ones for those absent; ``limits`` and others as they were found.
+    absent : (what, why) of everything that was not there or not readable.
+    """
+
+    folder: Path
+    line: str
+    survey: dict
+    runs: list[xr.DataTree]
+    comparison: xr.Dataset | None
+    tables: dict[str, pd.DataFrame]
+    absent: list[tuple[str, str]] = field(default_factory=list)
+
+    @property
+    def ids(self) -> list[str]:
+        """Names of the runs."""
+        return [str(run.attrs["id"]) for run in self.runs]
+
+    @property
+    def reference(self) -> str:
+        """Name of the run whose chainage is the axis."""
+        given = self.comparison.attrs.get("reference") if self.comparison is not None else None
+        return str(given) if given in self.ids else self.ids[0]
+
+    @property
+    def dates(self) -> dict[str, str]:
+        """Date of each run as text."""
+        return {str(run.attrs["id"]): str(run.attrs.get("date", "")) for run in self.runs}
+
+    def run(self, name: str) -> xr.DataTree:
+        """Return a run by its name."""
+        return self.runs[self.ids.index(name)]
+
+    def group(self, name: str, group: str) -> xr.Dataset | None:
+        """Return a group of a run, None when the run does not hold it."""
+        run = self.run(name)
+        return run[group].to_dataset() if group in run.children else None
+
+    @property
+    def outside_diameter(self) -> float:
+        """Outside diameter (m) of the reference run, NaN when not stated."""
+        return float(self.run(self.reference).attrs.get("outside_diameter_m", np.nan))
+
+    @property
+    def listing_only(self) -> bool:
+        """True when no run was made of raw data."""
+        return all(run.attrs.get("source") == "listing" for run in self.runs)
+
+
+def read_content(folder: Path) -> Content:
+    """Read an output folder.
+
+    Raises
+    ------
+    InputError
+        When it holds no readable run.
+    """
+    folder = Path(folder)
+    absent: list[tuple[str, str]] = []
+    survey = _survey(folder, absent)
+    runs = []
+    for path in sorted([*folder.glob("runs/*.nc"), *folder.glob("runs/*.zarr")]):
+        try:
+            runs.append(store.read_run(path, groups=_GROUPS))
+        except DeformError as fault:
+            absent.append((f"runs/{path.name}", str(fault)))
+    if not runs:
+        raise InputError(Fault(str(folder), "runs", "holds no readable run", "; ".join(why for _, why in absent)))
+    runs.sort(key=lambda run: (str(run.attrs.get("date", "")), str(run.attrs.get("id", ""))))
+    comparison = None
+    if (folder / "comparison.nc").exists():
+        try:
+            comparison = store.read_dataset(folder / "comparison.nc")
+        except (DeformError, OSError, ValueError) as fault:
+            absent.append(("comparison.nc", str(fault)))
+    elif len(runs) > 1:
+        absent.append(("comparison.nc", "not written: the runs were not compared along the line"))
+    line = str(survey.get("line") or runs[0].attrs.get("line") or folder.name)
+    return Content(folder, line, survey, runs, comparison, _tables(folder, absent), absent)
+
+
+def wall_window(content: Content, run: str, chainage: float, half_length: float) -> xr.Dataset | None:
+    """Return the wall map (`radius`, `clock`) of a run within ``half_length`` (m) of a chainage (m, this run's own).
+
+    Only the scans of the window are read. None when the run has no wall map, or fewer than five scans there.
+    """
+    path = next(iter(content.folder.glob(f"runs/{run}.*")), None)
+    if path is None:
+        return None
+    engine = "zarr" if path.suffix == ".zarr" else "netcdf4"
+    try:
+        with xr.open_dataset(path, engine=engine, group="caliper", decode_times=False) as wall:
+            at = np.asarray(wall["chainage"].values, float)
+            first, last = np.searchsorted(at, [chainage - half_length, chainage + half_length])
+            if last - first < 5:
+                return None
+            part = wall.isel(scan=slice(int(first), int(last))).load()
+    except (OSError, KeyError, ValueError):
+        return None
+    return part.drop_encoding()
+
+
+def records(frame: pd.DataFrame) -> list[Any]:
+    """Return the rows of a table as named tuples."""
+    return list(frame.itertuples(index=False))
+
+
+def _survey(folder: Path, absent: list[tuple[str, str]]) -> dict:
+    try:
+        content = json.loads((folder / "survey.json").read_text(encoding="utf-8"))
+        return content if isinstance(content, dict) else {}
+    except FileNotFoundError:
+        absent.append(("survey.json", "not there: options, hashes and warnings are unknown"))
+    except (OSError, ValueError) as fault:
+        absent.append(("survey.json", f"cannot be read ({fault})"))
+    return {}
+
+
+def _tables(folder: Path, absent: list[tuple[str, str]]) -> dict[str, pd.DataFrame]:
+    tables = {}
+    for name in _TABLES:
+        path = folder / "tables" / f"{name}.csv"
+        tables[name] = _empty(name)
+        if not path.exists():
+            absent.append((f"tables/{name}.csv", "not written"))
+            continue
+        try:
+            tables[name] = store.read_table(path, name)
+        except pd.errors.EmptyDataError:
+            continue
+        except (DeformError, ValueError, OSError) as fault:
+            absent.append((f"tables/{name}.csv", f"cannot be read ({fault})"))
+    for path in sorted((folder / "tables").glob("*.csv")):
+        if path.stem not in tables:
+            try:
+                tables[path.stem] = pd.read_csv(path)
+            except (ValueError, OSError) as fault:
+                absent.append((f"tables/{path.name}", f"cannot be read ({fault})"))
+    return tables
+
+
+def _empty(name: str) -> pd.DataFrame:
+    columns = vocabulary.table(name)
+    return pd.DataFrame({key: pd.Series(dtype=object if c.type == "text" else float) for key, c in columns.items()})

@@ -1,0 +1,38 @@
+"use strict";
+/* The wall around a dent in, a 3-D view out that faces the dent; depth is exaggerated so that it can be seen, and says so. */
+const Surfaces = (() => {
+  const EXAGGERATION = 5;
+  function mesh(surface, k, shift) {
+    const steps = new Int16Array(Uint8Array.from(atob(surface.depth[k]), (c) => c.charCodeAt(0)).buffer);
+    const rows = surface.distance.length, n = surface.clock.length, x = [], y = [], z = [], depth = [], i = [], j = [], kk = [];
+    for (let r = 0; r < rows; r++) for (let c = 0; c < n; c++) {
+      const raw = steps[r * n + c], d = raw === -32768 ? 0 : raw * 1e-6, angle = (surface.clock[c] * Math.PI) / 180;
+      const radius = surface.radius - EXAGGERATION * d;
+      x.push(surface.distance[r] + shift); y.push(radius * Math.sin(angle)); z.push(radius * Math.cos(angle)); depth.push(d * 1000);
+    }
+    for (let r = 0; r + 1 < rows; r++) for (let c = 0; c < n; c++) {
+      const a = r * n + c, b = r * n + ((c + 1) % n), below = a + n, other = b + n;
+      i.push(a, b); j.push(b, other); kk.push(below, below);
+    }
+    return { type: "mesh3d", x, y, z, i, j, k: kk, intensity: depth };
+  }
+  function draw(place, surface, css) {
+    const length = surface.distance[surface.distance.length - 1] - surface.distance[0];
+    const all = surface.runs.map((run, k) => mesh(surface, k, k * (length * 1.15)));
+    const top = Math.max(...all.flatMap((m) => [Math.max(...m.intensity)]));
+    const list = all.map((m, k) => ({
+      ...m, colorscale: "Cividis", reversescale: true, cmin: -0.2 * top, cmax: top, showscale: k === 0, colorbar: { title: { text: "depth (mm)" }, tickfont: { color: css("--ink") } },
+      lighting: { ambient: 0.55, diffuse: 0.8, specular: 0.1 }, name: surface.runs[k], hovertemplate: "depth %{intensity:.1f} mm<extra>%{fullData.name}</extra>",
+    }));
+    const angle = (surface.at * Math.PI) / 180;
+    const eye = { x: 0.15, y: 1.9 * Math.sin(angle), z: 1.9 * Math.cos(angle) };
+    const up = Math.abs(Math.cos(angle)) > 0.9 ? { x: 0, y: 1, z: 0 } : { x: 0, y: 0, z: 1 };
+    const axis = { gridcolor: css("--grid"), color: css("--ink"), backgroundcolor: "rgba(0,0,0,0)" };
+    const title = `${surface.runs.join("  →  ")} side by side, depth × ${EXAGGERATION}`.replace(/</g, "&lt;");
+    Plotly.newPlot(place, list, {
+      margin: { l: 0, r: 0, t: 34, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", font: { color: css("--ink") }, title: { text: title, font: { size: 13 } },
+      scene: { aspectmode: "data", camera: { eye, up }, xaxis: { ...axis, title: { text: "along (m)" } }, yaxis: { ...axis, title: { text: "right (m)" } }, zaxis: { ...axis, title: { text: "up (m)" } } },
+    }, { responsive: true, displaylogo: false });
+  }
+  return { draw };
+})();
