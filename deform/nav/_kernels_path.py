@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-_JIT = {"cache": True, "error_model": "numpy"}
 
-
-@njit(**_JIT)
+@njit(cache=True, error_model="numpy")
 def counts_on_knots(time, count, pulse, start, step, n_knots):
     """Travel (m) of each wheel at regular knots, linear between odometer samples, held beyond the ends; shape (knot, wheel)."""
     n, wheels = count.shape
@@ -26,7 +24,7 @@ def counts_on_knots(time, count, pulse, start, step, n_knots):
     return travel
 
 
-@njit(**_JIT)
+@njit(cache=True, error_model="numpy")
 def imu_on_knots(time, gyro, accel, mounting, gyro_pulse, accel_pulse, start, step, n_knots):
     """Turning angles about body x and z up to each knot (radian), and the rms of successive accelerations before it (m/s2)."""
     turn = np.zeros((n_knots, 2))
@@ -52,7 +50,7 @@ def imu_on_knots(time, gyro, accel, mounting, gyro_pulse, accel_pulse, start, st
     return turn, shake
 
 
-@njit(**_JIT)
+@njit(cache=True, error_model="numpy")
 def turn_at_wheels(turn, distance, lever):
     """Turning angles of the IMU when it was where the wheels are now: at ``distance + lever`` (lever < 0 behind the IMU)."""
     n = distance.shape[0]
@@ -76,12 +74,12 @@ def turn_at_wheels(turn, distance, lever):
     return out
 
 
-@njit(**_JIT)
-def mark_slips(step, tolerance, alarm, good):
+@njit(cache=True, error_model="numpy")
+def mark_slips(step, tolerance, slack, alarm, good):
     """Mark in ``good`` (knot, wheel) where a wheel falls behind any other one: a cumulative sum per pair with its start and end.
 
-    ``step`` are the travels per knot (m), free of scale and bend; ``tolerance`` the share of the travel that is no slip,
-    ``alarm`` the lost distance (m) at which a slip is believed.
+    ``step`` are the travels per knot (m), free of scale and bend; ``tolerance`` the share of the travel that is no
+    slip, ``slack`` (knot) what else is none (m), ``alarm`` the lost distance (m) at which a slip is believed.
     """
     n, wheels = step.shape
     for i in range(wheels):
@@ -92,7 +90,7 @@ def mark_slips(step, tolerance, alarm, good):
             for k in range(n):
                 lead = step[k, j] if np.isfinite(step[k, j]) else 0.0
                 mine = step[k, i] if np.isfinite(step[k, i]) else 0.0
-                lost += lead - mine - tolerance * lead
+                lost += lead - mine - tolerance * lead - slack[k]
                 if lost > peak:
                     peak, last = lost, k
                 if lost > alarm:
@@ -105,7 +103,7 @@ def mark_slips(step, tolerance, alarm, good):
                     lost, peak, first, last, alarmed = 0.0, 0.0, k + 1, k + 1, False
 
 
-@njit(**_JIT)
+@njit(cache=True, error_model="numpy")
 def fuse(step, good, mean, n_good, spread):
     """Mean travel per knot over the good wheels, their number, and the spread of the wheels about it (m)."""
     n, wheels = step.shape
@@ -124,7 +122,7 @@ def fuse(step, good, mean, n_good, spread):
         spread[k] = np.sqrt(square / (used - 1)) if used > 1 else 0.0
 
 
-@njit(**_JIT)
+@njit(cache=True, error_model="numpy")
 def knots_to_samples(times, before, knots_start, knots_step, distance, slope, sigma, still, out):
     """Cubic Hermite interpolation of the knots to ``before`` and ``times``; fills distance, speed, sigma and still of ``out``."""
     out_distance, out_speed, out_sigma, out_still = out
@@ -145,13 +143,13 @@ def knots_to_samples(times, before, knots_start, knots_step, distance, slope, si
         out_still[m] = still[k] and still[k + 1]
 
 
-@njit(**_JIT)
+@njit(cache=True, error_model="numpy")
 def limited_slopes(distance, step):
     """Speeds at the knots: central differences, limited so that the cubic between the knots never runs backwards."""
     n = distance.shape[0]
     slope = np.zeros(n)
     for k in range(n):
-        left = (distance[k] - distance[k - 1]) / step if k > 0 else 0.0
-        right = (distance[k + 1] - distance[k]) / step if k < n - 1 else 0.0
+        right = (distance[min(k + 1, n - 1)] - distance[min(k, n - 2)]) / step
+        left = (distance[max(k, 1)] - distance[max(k - 1, 0)]) / step
         slope[k] = min(0.5 * (left + right), 3.0 * min(left, right))
     return slope

@@ -21,6 +21,9 @@ _log = logging.getLogger(__name__)
 _LEAST_STEP_S = 0.1  # spacing of the knots: CN103727938A smooths the odometer over 0.1 s
 _SLIP_TOLERANCE = 0.01  # share of the travel by which a wheel may fall behind for reasons other than slip
 _SLIP_ALARM_PULSES = 6.0  # lost pulses at which a slip is believed: counts are floors, a pair differs by up to two
+_GROSS_TOLERANCE = 0.05  # the same before scales and arms are known
+_BEND_MODEL_SIGMA = 0.3  # share of turning rate × radius that arms may leave: the bend at the wheels is that of the IMU, delayed
+_BEND_SLACK = 0.2  # share of turning rate × radius by which a wheel may fall behind in a bend once the arms are known
 _SCALE_BLOCK_M = 100.0  # travel over which wear is followed
 _LONE_WHEEL_SIGMA = 0.02  # share of the speed that a slip may take unseen when only one wheel is left
 _SPEED_MODEL_SIGMA = 5e-4  # share of the speed: ride over wall roughness, seen as spread of wheels of one set
@@ -127,7 +130,7 @@ def combine(raw: RawRun, options: NavigationOptions | None = None) -> OdometerSo
         stationary,
         wheel_scale=_spread_out(scale, alive, wheels),
         wheel_scale_sigma=_spread_out(scale_sigma, alive, wheels),
-        wheel_arm=_spread_out(arm, alive, wheels),
+        wheel_arm=_spread_out(np.stack([arm[:, 1], -arm[:, 0]], axis=1), alive, wheels),  # (ω × r) along y = ω_z x - ω_x z
         slips=slips,
         stalls=stalls,
         remarks=tuple(remarks),
@@ -183,12 +186,14 @@ def _adjust(knots: _Knots, raw: RawRun, remarks: list[str]) -> tuple[Floats, Flo
     alarm = _SLIP_ALARM_PULSES * float(raw.odometer.attrs["pulse_m"])
     reach = 0.5 * raw.header.pipe.outside_diameter_m
     step = raw_step
+    _kernels_path.mark_slips(step, _GROSS_TOLERANCE, np.zeros(step.shape[0]), 1.0 + 4.0 * reach, good)
+    slack = _BEND_SLACK * reach * np.hypot(turning[:, 0], turning[:, 1])
     for _ in range(3):
         scale, scale_sigma, arm = _scales_and_arms(raw_step, turning, good, reach, knots.step)
         local = _local_scale(raw_step - turning @ arm.T, good, scale)
         step = (raw_step - turning @ arm.T) / (1.0 + local)
         good[:] = True
-        _kernels_path.mark_slips(step, _SLIP_TOLERANCE, alarm, good)
+        _kernels_path.mark_slips(step, _SLIP_TOLERANCE, slack, alarm, good)
     drift = np.ptp(local, axis=0)
     worn = np.flatnonzero(drift > 1e-3)
     remarks += [f"wheel {i}: relative scale drifts by {1e6 * drift[i]:.0f} ppm over the run (wear)" for i in worn]
@@ -222,7 +227,7 @@ def _robust_fit(A: Floats, y: Floats, reach: float) -> tuple[Floats, Floats]:
     covariance = np.eye(3)
     for _ in range(20):
         residual = y - A @ x
-        sigma = max(float(robust_sigma(residual)), 1e-6)
+        sigma = np.hypot(max(float(robust_sigma(residual)), 1e-6), _BEND_MODEL_SIGMA * reach * np.hypot(A[:, 1], A[:, 2]))
         weight = np.clip(1.0 - (residual / (4.685 * sigma)) ** 2, 0.0, None) ** 2 / sigma**2
         covariance = np.linalg.inv(A.T @ (weight[:, None] * A) + prior)
         update = covariance @ (A.T @ (weight * y))

@@ -168,7 +168,10 @@ def _advancing(along: Floats) -> Floats:
     reached = np.maximum.accumulate(along)
     steps = np.floor((reached - reached[0]) / _LEAST_ADVANCE_M)
     new = np.flatnonzero(np.diff(steps, prepend=-1.0) > 0)
-    return new[along[new] >= reached[new]]
+    keep = new[along[new] >= reached[new]]
+    if keep.size > 1:
+        keep[0] = keep[1] - 1  # the tool leaves its first place when it first moves, however long it stood there
+    return keep
 
 
 def _take_off_offset(values: dict[str, Floats], pose: xr.Dataset) -> None:
