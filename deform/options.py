@@ -273,6 +273,20 @@ class SimulateOptions:
 
 
 @dataclass(frozen=True, config=_STRICT)
+class MeshOptions:
+    """3-D surfaces: grid, colour (``depth`` or ``change`` since the first run), exaggerations (1 = true size)."""
+
+    step_m: Positive = 0.01
+    least_points_around: Annotated[int, Field(ge=12)] = 72
+    least_rows: Annotated[int, Field(ge=10)] = 41
+    least_half_length_m: Positive = 0.3
+    most_half_length_m: Positive = 1.0
+    colour: Literal["depth", "change"] = "depth"
+    exaggeration: Positive = 1.0
+    shell_exaggeration: Positive = 10.0
+
+
+@dataclass(frozen=True, config=_STRICT)
 class Options:
     """Options of all stages, as in the table ``[options]`` of a survey."""
 
@@ -284,6 +298,7 @@ class Options:
     change: ChangeOptions = Field(default_factory=ChangeOptions)
     trend: TrendOptions = Field(default_factory=TrendOptions)
     report: ReportOptions = Field(default_factory=ReportOptions)
+    mesh: MeshOptions = Field(default_factory=MeshOptions)
 
 
 def options_from(content: Mapping[str, Any], where: str = "options") -> Options:
