@@ -1,0 +1,136 @@
+"""Blocks of scans in, one record per scan out: mean radius, centre, oval, spread, and the deepest inward departure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from deform.caliper._kernels import fit_scans, inward_running
+from deform.caliper.scans import ScanBlock, ScanReader
+
+_LEAST_ARMS = 6
+_DIP_HALF = 2  # scans on either side over which an inward departure is averaged
+
+
+@dataclass(frozen=True)
+class ScanLog:
+    """One record per scan of a ring, in order of time; clocks are the pipe's, looking downstream.
+
+    Attributes
+    ----------
+    time, chainage : (n,) s, m of the ring.
+    radius : (n,) m, mean inner radius; NaN where too many arms are lost.
+    right, up : (n,) m, centre of the section seen from the tool axis.
+    oval_cos, oval_sin : (n,) m, radius varies as oval_cos * cos(2 clock) + oval_sin * sin(2 clock).
+    spread : (n,) m, standard deviation of the arms about the section, dents left out.
+    used : (n,) weight of arms in use.
+    dip, dip_clock : (n,) m and rad, deepest inward departure after a short running mean, and its clock.
+    moving : (n,) false while the tool stands.
+    arms : number of arms of the ring.
+    """
+
+    time: np.ndarray
+    chainage: np.ndarray
+    radius: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    oval_cos: np.ndarray
+    oval_sin: np.ndarray
+    spread: np.ndarray
+    used: np.ndarray
+    dip: np.ndarray
+    dip_clock: np.ndarray
+    moving: np.ndarray
+    arms: int
+
+    @property
+    def good(self) -> np.ndarray:
+        """True where the section stands and the tool moves."""
+        return np.isfinite(self.radius) & self.moving
+
+
+class SectionFitter:
+    """Robust section of each scan of one ring: circle, offset and oval by harmonics, dents down-weighted.
+
+    Notes
+    -----
+    radius(angle) = R + right' sin + up' cos + oval. A circle seen from a point off its centre by e also shows
+    -e^2 / 4R (1 - cos 2(angle - direction)); this second-order part is taken out of R and of the oval.
+    The full adjustment with covariance is `deform.geometry.circle.adjust_ellipse`; to first order in oval and offset the
+    two are equal, and this one is what a hundred kilometres of scans can afford.
+    """
+
+    def __init__(self, angle_rad: np.ndarray, sigma: float, largest_lost: float = 0.34):
+        self.angle, self.sigma = np.asarray(angle_rad, float), float(sigma)
+        self.basis = harmonic_basis(self.angle)
+        self._inverse = np.linalg.pinv(self.basis)
+        self._least = max(_LEAST_ARMS, int(np.ceil((1.0 - largest_lost) * len(self.angle))))
+
+    def fit(self, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return harmonics (n, 5) in the tool's frame, residual (n, arms), spread (n,), used (n,), all in metre."""
+        n, arms = radius.shape
+        harmonics, residual, spread, used = np.empty((n, 5)), np.empty((n, arms)), np.empty(n), np.empty(n)
+        whole = np.ascontiguousarray(radius)
+        fit_scans(whole, self.basis, self._inverse, self.sigma, self._least, harmonics, residual, spread, used)
+        return harmonics, residual, spread, used
+
+
+def harmonic_basis(angle: np.ndarray) -> np.ndarray:
+    """Columns 1, cos, sin, cos 2, sin 2 of the angles (rad); shape (arms, 5)."""
+    return np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle)], axis=-1)
+
+
+def to_pipe_clock(harmonics: np.ndarray, roll: np.ndarray, sign: int) -> tuple[np.ndarray, ...]:
+    """Turn harmonics of the tool's angle into those of the pipe's clock = sign * (angle + roll).
+
+    Returns radius, right, up, oval_cos, oval_sin (m), the second-order part of the offset taken out.
+    """
+    first = (harmonics[:, 1] - 1j * harmonics[:, 2]) * np.exp(-1j * roll)
+    second = (harmonics[:, 3] - 1j * harmonics[:, 4]) * np.exp(-2j * roll)
+    radius = harmonics[:, 0]
+    second = second - first**2 / (4 * radius)
+    radius = radius + np.abs(first) ** 2 / (4 * radius)
+    return radius, -sign * first.imag, first.real, second.real, -sign * second.imag
+
+
+def log_scans(
+    reader: ScanReader, ring: int, fitter: SectionFitter, each: Callable[[ScanBlock, dict[str, np.ndarray]], None] | None = None
+) -> ScanLog:
+    """Fit every scan of a ring; ``each`` sees every block with its records (for the wall map)."""
+    parts: list[dict[str, np.ndarray]] = []
+    for block in reader.blocks(ring):
+        records = _records(reader, block, fitter)
+        if each is not None:
+            each(block, records)
+        parts.append({k: _compact(k, v) for k, v in records.items()})
+    joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
+    return ScanLog(**joined, arms=len(fitter.angle))
+
+
+def _records(reader: ScanReader, block: ScanBlock, fitter: SectionFitter) -> dict[str, np.ndarray]:
+    harmonics, residual, spread, used = fitter.fit(block.radius)
+    radius, right, up, oval_cos, oval_sin = to_pipe_clock(harmonics, block.roll, reader.sign)
+    n = len(block.time)
+    dip, arm = np.empty(n), np.empty(n, np.int64)
+    inward_running(residual, _DIP_HALF, dip, arm)
+    clock = np.mod(reader.sign * (fitter.angle[np.maximum(arm, 0)] + block.roll), 2 * np.pi)
+    return {
+        "time": block.time,
+        "chainage": block.chainage,
+        "radius": radius,
+        "right": right,
+        "up": up,
+        "oval_cos": oval_cos,
+        "oval_sin": oval_sin,
+        "spread": spread,
+        "used": used,
+        "dip": np.where(np.isfinite(radius), dip, np.nan),
+        "dip_clock": clock,
+        "moving": reader.moving(block.time),
+    }
+
+
+def _compact(name: str, values: np.ndarray) -> np.ndarray:
+    return values if name in ("time", "chainage", "moving") else values.astype(np.float32)

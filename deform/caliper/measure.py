@@ -1,0 +1,139 @@
+"""A raw run and its trajectory in; welds, sections, wall, tool pose, dents and features out."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from deform.caliper import ovality
+from deform.caliper.cross_section import ScanLog, SectionFitter, log_scans
+from deform.caliper.dents import candidates, measure_dents
+from deform.caliper.scans import ScanBlock, ScanReader
+from deform.caliper.tool_pose import pose
+from deform.caliper.wall import WallMap, detail_maps, wall_dataset
+from deform.caliper.weld_channels import accelerometer_channel, arms_channel, detector_channel
+from deform.caliper.welds import weld_log
+from deform.options import CaliperOptions
+from deform.run.raw import RawRun
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What the caliper room has to say about one run; all but the welds are None without a caliper.
+
+    Attributes
+    ----------
+    welds : group ``welds``: the weld log.
+    sections : group ``sections``: ovality and diameters on regular chainage.
+    wall : group ``caliper``: radius on chainage × clock.
+    pose : group ``pose``: the tool's offset in the pipe, with two rings its pitch and yaw.
+    dents : group ``dents``.
+    features : group ``features``.
+    """
+
+    welds: xr.Dataset
+    sections: xr.Dataset | None = None
+    wall: xr.Dataset | None = None
+    pose: xr.Dataset | None = None
+    dents: xr.Dataset | None = None
+    features: xr.Dataset | None = None
+
+
+def measure(
+    raw: RawRun, trajectory: xr.Dataset, options: CaliperOptions | None = None, progress: Callable[[float], None] | None = None
+) -> Measurement:
+    """Measure the wall and the joints of one run.
+
+    Parameters
+    ----------
+    raw : the raw run; its arms are read in blocks.
+    trajectory : group ``trajectory`` (dim time): chainage and roll of the tool.
+    options : see `CaliperOptions`.
+    progress : called with the fraction done.
+
+    Returns
+    -------
+    Measurement
+        Without a caliper only the welds, from detector and accelerometers.
+
+    Raises
+    ------
+    InputError
+        When the arms cannot be used, with every fault found.
+    """
+    options = options or CaliperOptions()
+    tell = progress or (lambda _: None)
+    heard = [detector_channel(raw, trajectory), accelerometer_channel(raw, trajectory)]
+    joint = raw.header.pipe.nominal_joint_m
+    if raw.arms is None or raw.header.caliper is None:
+        channels = [c for c in heard if c is not None]
+        return Measurement(welds=weld_log(channels, trajectory, options.weld_cluster_m, joint))
+    tell(0.05)
+    reader = ScanReader(raw, trajectory, options.block_scans)
+    sigma = raw.header.caliper.noise_m or 3e-4
+    fitters = [SectionFitter(angle, sigma, options.largest_lost_arms) for angle in reader.angle_rad]
+    coarse, logs = _log_and_map(reader, fitters, options, tell)
+    diameter = raw.header.pipe.outside_diameter_m
+    section = ovality.sections(logs, diameter, options.wall_step_m, options.section_window_m, options.ovality_definition)
+    tool = pose(reader, logs)
+    least = options.least_dent_depth_od * diameter
+    dents, fits = measure_dents(reader, logs, candidates(logs, sigma, least), sigma, diameter, least)
+    spans = np.array([(f.centre - 0.6 * f.length, f.centre + 0.6 * f.length) for f in fits]).reshape(-1, 2)
+    tell(0.85)
+    arms = [c.without(spans) for c in (arms_channel(log) for log in logs) if c is not None]
+    welds = weld_log([c for c in (heard[0], *arms, heard[1]) if c is not None], trajectory, options.weld_cluster_m, joint)
+    windows = [(a - options.detail_margin_m, b + options.detail_margin_m) for a, b in spans]
+    fine = detail_maps(reader, logs, fitters, _joined(windows), options.detail_step_m, coarse.bins)
+    wall = wall_dataset(coarse, fine, section, tool)
+    tell(1.0)
+    return Measurement(welds=welds, sections=section, wall=wall, pose=tool, dents=dents, features=None)
+
+
+def on_chainage(measurement: Measurement, chainage: np.ndarray) -> xr.Dataset | None:
+    """Ovality and least, mean and greatest diameter with sigma at places (m); None without a caliper.
+
+    Returns
+    -------
+    Dataset on ``chainage`` with ``ovality``, ``diameter_min``, ``diameter_max``, ``diameter_mean`` and their ``_sigma``; NaN
+    further than a metre from any measured section. Attribute ``definition`` says which ovality it is.
+    """
+    return None if measurement.sections is None else ovality.on_chainage(measurement.sections, chainage)
+
+
+def _log_and_map(
+    reader: ScanReader, fitters: list[SectionFitter], options: CaliperOptions, tell: Callable[[float], None]
+) -> tuple[WallMap, list[ScanLog]]:
+    """One pass over all scans: records of every scan, and the coarse wall."""
+    start, stop = reader.span()
+    bins = max(options.clock_bins, reader.angle_rad.shape[1])
+    step = options.wall_step_m
+    coarse = WallMap(np.floor(start / step) * step - 0.5 * step, stop + step, step, bins)
+    logs, done = [], 0
+    total = reader.scans * reader.rings
+    for ring, fitter in enumerate(fitters):
+
+        def each(block: ScanBlock, records: dict[str, np.ndarray], ring: int = ring) -> None:
+            nonlocal done
+            coarse.add(reader, ring, block, records["right"], records["up"], records["moving"])
+            done += len(block.time)
+            tell(0.05 + 0.75 * done / total)
+
+        logs.append(log_scans(reader, ring, fitter, each))
+    return coarse, logs
+
+
+def _joined(windows: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Windows that overlap become one."""
+    joined: list[tuple[float, float]] = []
+    for start, stop in sorted(windows):
+        if joined and start <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(stop, joined[-1][1]))
+        else:
+            joined.append((start, stop))
+    return joined

@@ -1,0 +1,184 @@
+"""A raw run and its trajectory in, blocks of scans out: metres, arms in order, each ring on its own chainage and roll."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from deform.errors import Fault, InputError
+from deform.run.raw import RawRun
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ScanBlock:
+    """Scans of one ring.
+
+    Attributes
+    ----------
+    start : index of the first scan in the file.
+    time : (n,) s.
+    chainage : (n,) m, of the ring.
+    roll : (n,) rad, of the tool.
+    radius : (n, arms) m, tool axis to wall, NaN where an arm gave nothing.
+    """
+
+    start: int
+    time: np.ndarray
+    chainage: np.ndarray
+    roll: np.ndarray
+    radius: np.ndarray
+
+
+class ScanReader:
+    """Reads the arms of a raw run in blocks; memory is bounded by the block.
+
+    Attributes
+    ----------
+    angle_rad : (rings, arms) angle of the arms in use, rising from ring to ring the same number of arms.
+    sign : +1 when the tool ran downstream, -1 upstream; clock = sign * (angle + roll).
+    """
+
+    def __init__(self, raw: RawRun, trajectory: xr.Dataset, block_scans: int = 100_000):
+        if raw.arms is None or raw.header.caliper is None:
+            raise InputError(Fault(raw.id, "caliper", "the run has no caliper"))
+        self.raw, self.block_scans, self.sign = raw, block_scans, raw.header.travel_sign
+        self._arms = raw.arms
+        self._radius = raw.arms["radius"]
+        self.rings = int(self._radius.sizes.get("ring", 1))
+        angle = np.atleast_2d(np.asarray(raw.arms["arm_angle"].values, float))
+        angle = np.broadcast_to(angle, (self.rings, angle.shape[-1])) % (2 * np.pi)
+        self._order = np.argsort(angle, axis=1, kind="stable")
+        self._all_angles = np.take_along_axis(angle, self._order, axis=1)
+        self._offset = np.zeros_like(self._all_angles)
+        self._dead = np.zeros(self._all_angles.shape, bool)
+        self.ring_offset = tuple(raw.header.caliper.ring_offset_m)
+        self.scans = int(raw.arms.sizes["scan"])
+        self._interpolate(trajectory)
+        self._check()
+
+    @property
+    def angle_rad(self) -> np.ndarray:
+        """(rings, arms) angle of the arms, rising."""
+        return self._all_angles
+
+    @property
+    def dead(self) -> np.ndarray:
+        """(rings, arms) true where an arm is not used."""
+        return self._dead
+
+    def calibrate(self, offset: np.ndarray, dead: np.ndarray) -> None:
+        """Take arm offsets (rings, arms) in metre off every reading from now on, and drop dead arms."""
+        self._offset, self._dead = np.where(np.isfinite(offset), offset, 0.0), dead
+
+    def chainage(self, time: np.ndarray, ring: int) -> np.ndarray:
+        """Chainage (m) of a ring: that of the IMU, moved along the pipe by the ring's distance from it."""
+        return np.interp(time, self._time, self._chainage) + self.sign * self.ring_offset[ring]
+
+    def roll(self, time: np.ndarray) -> np.ndarray:
+        """Roll (rad) of the tool."""
+        return np.interp(time, self._time, self._roll)
+
+    def moving(self, time: np.ndarray) -> np.ndarray:
+        """True where the tool moves."""
+        return np.interp(time, self._time, self._moving) > 0.5
+
+    def span(self) -> tuple[float, float]:
+        """Least and greatest chainage (m) that any ring reaches."""
+        shifts = [self.sign * y for y in self.ring_offset]
+        return float(self._chainage.min() + min(shifts)), float(self._chainage.max() + max(shifts))
+
+    def blocks(self, ring: int) -> Iterator[ScanBlock]:
+        """Yield all scans of a ring in order of time."""
+        for start in range(0, self.scans, self.block_scans):
+            yield self.read(ring, start, min(start + self.block_scans, self.scans))
+
+    def read(self, ring: int, start: int, stop: int) -> ScanBlock:
+        """Read scans ``start`` to ``stop`` of a ring."""
+        part = self._radius.isel(scan=slice(start, stop))
+        if "ring" in part.dims:
+            part = part.isel(ring=ring).transpose("scan", "arm")
+        radius = self._decode(part)[:, self._order[ring]]
+        radius -= self._offset[ring]
+        if self._dead[ring].any():
+            radius[:, self._dead[ring]] = np.nan
+        time = np.asarray(self._arms["time"].isel(scan=slice(start, stop)).values, float)
+        return ScanBlock(start, time, self.chainage(time, ring), self.roll(time), radius)
+
+    def _decode(self, part: xr.DataArray) -> np.ndarray:
+        counts, attrs = part.values, part.attrs
+        radius = counts.astype(float)
+        if "_FillValue" in attrs:
+            radius[counts == attrs["_FillValue"]] = np.nan
+        radius = radius * float(attrs.get("scale_factor", 1.0)) + float(attrs.get("add_offset", 0.0))
+        radius[(radius < self._least) | (radius > self._greatest)] = np.nan
+        return radius
+
+    @property
+    def _least(self) -> float:
+        return 0.2 * self.raw.header.pipe.outside_diameter_m
+
+    @property
+    def _greatest(self) -> float:
+        return 0.75 * self.raw.header.pipe.outside_diameter_m
+
+    def _interpolate(self, trajectory: xr.Dataset) -> None:
+        self._time = np.asarray(trajectory["time"].values, float)
+        self._chainage = np.asarray(trajectory["chainage"].values, float)
+        self._roll = np.unwrap(np.radians(np.asarray(trajectory["roll"].values, float)))
+        if "stationary" in trajectory:
+            self._moving = 1.0 - np.asarray(trajectory["stationary"].values, float)
+        else:
+            self._moving = (np.abs(np.asarray(trajectory["speed"].values, float)) > 0.02).astype(float)
+
+    def _check(self) -> None:
+        """Name everything that makes the readings useless before any of them is used."""
+        where, faults = f"{self.raw.id}/caliper.nc", []
+        if len(self.ring_offset) != self.rings:
+            rule = f"{self.rings} rings in the file, {len(self.ring_offset)} values of ring_offset_m in run.toml"
+            faults.append(Fault(where, "ring", rule))
+        if self._all_angles.shape[1] < 6:
+            faults.append(Fault(where, "arm", f"{self._all_angles.shape[1]} arms; at least 6 are needed for an ellipse"))
+        time = np.asarray(self._arms["time"].values, float)
+        if not np.isfinite(time).all() or (np.diff(time) < 0).any():
+            i = int(np.flatnonzero(~(np.diff(time, prepend=-np.inf) >= 0))[0])
+            faults.append(Fault(where, "time", f"is not rising at scan {i} ({time[i]:.3f} s)", "sort or repair the scan clock"))
+        elif time.size and (time[-1] < self._time[0] or time[0] > self._time[-1]):
+            rule = (
+                f"runs from {time[0]:.1f} to {time[-1]:.1f} s, the trajectory from {self._time[0]:.1f} to {self._time[-1]:.1f} s"
+            )
+            faults.append(Fault(where, "time", rule, "scan clock and IMU clock differ"))
+        faults += self._unit_faults(where)
+        if faults:
+            raise InputError(faults)
+        if time.size and (time[-1] < self._time[-1] - 60.0):
+            logger.warning(
+                "%s: caliper ends at %.0f s, the trajectory at %.0f s: nothing is known behind", where, time[-1], self._time[-1]
+            )
+
+    def _unit_faults(self, where: str) -> list[Fault]:
+        """Compare the median reading with the pipe's radius: a factor of 1000 or 25.4 is a wrong unit."""
+        attrs = self._radius.attrs
+        stride = slice(None, None, max(1, self.scans // 64))
+        counts = self._radius.isel(scan=stride).values
+        readings = counts.astype(float)
+        if "_FillValue" in attrs:
+            readings[counts == attrs["_FillValue"]] = np.nan
+        readings = readings * float(attrs.get("scale_factor", 1.0)) + float(attrs.get("add_offset", 0.0))
+        if not np.isfinite(readings).any():
+            return [Fault(where, "radius", "holds no reading")]
+        middle, wanted = float(np.nanmedian(readings)), self.raw.header.pipe.outside_diameter_m / 2
+        if 0.5 * wanted < middle < 1.3 * wanted:
+            return []
+        rule = f"median {middle:.4g}, the pipe's outer radius is {wanted:.4g} m"
+        guess = [name for name, f in (("mm", 1000.0), ("inch", 1 / 0.0254), ("cm", 100.0)) if 0.5 < middle / f / wanted < 1.3]
+        return [
+            Fault(
+                where, "radius", rule, f"it looks like {guess[0]}; give metre" if guess else "check scale_factor and add_offset"
+            )
+        ]

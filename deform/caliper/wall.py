@@ -1,0 +1,124 @@
+"""Scans in, the wall on chainage × pipe clock out: coarse along the whole line, fine around dents."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import xarray as xr
+
+from deform.caliper._kernels import fill_bins
+from deform.caliper.cross_section import ScanLog, SectionFitter, to_pipe_clock
+from deform.caliper.scans import ScanBlock, ScanReader
+from deform.run import build
+
+_ROUND = 1e-5  # m: a hundredth of the noise of one reading is enough, and packs three times better
+
+
+class WallMap:
+    """Mean radius about the section's centre in cells of chainage × clock; memory grows with the line, not with the scans.
+
+    Parameters
+    ----------
+    start, stop : chainage (m) of the first and behind the last row.
+    step : length of a row (m).
+    bins : clock bins; bin k is centred on k * 360 / bins degree.
+    """
+
+    def __init__(self, start: float, stop: float, step: float, bins: int):
+        self.start, self.step, self.bins = start, step, bins
+        rows = max(1, int(np.ceil((stop - start) / step)))
+        self.total = np.zeros((rows, bins), np.float32)
+        self.count = np.zeros((rows, bins), np.float32)
+
+    @property
+    def chainage(self) -> np.ndarray:
+        """Centre of each row (m)."""
+        return self.start + (np.arange(len(self.total)) + 0.5) * self.step
+
+    def add(self, reader: ScanReader, ring: int, block: ScanBlock, right: np.ndarray, up: np.ndarray, use: np.ndarray) -> None:
+        """Add the scans of a block where ``use`` is true; right, up (m) are the centre seen from the tool axis."""
+        row = np.floor((block.chainage - self.start) / self.step)
+        inside = use & (row >= 0) & (row < len(self.total))
+        row = np.where(inside, row, -1).astype(np.int64)
+        angle = reader.angle_rad[ring]
+        fill_bins(row, angle, reader.sign, block.roll, block.radius, right, up, self.bins, self.total, self.count)
+
+    def radius(self) -> np.ndarray:
+        """Mean radius (rows, bins) in metre, NaN where nothing was measured."""
+        with np.errstate(invalid="ignore"):
+            mean = np.where(self.count > 0, self.total / self.count, np.nan).astype(float)
+        return np.round(mean / _ROUND) * _ROUND
+
+
+def detail_maps(
+    reader: ScanReader,
+    logs: list[ScanLog],
+    fitters: list[SectionFitter],
+    windows: Iterable[tuple[float, float]],
+    step: float,
+    bins: int,
+) -> list[WallMap]:
+    """Read the scans of each window (start, end chainage in metre) again and map them at a fine step."""
+    maps = []
+    for start, stop in windows:
+        wall = WallMap(start, stop, step, bins)
+        for ring, (log, fitter) in enumerate(zip(logs, fitters, strict=True)):
+            for first, last in scan_ranges(log, start, stop):
+                block = reader.read(ring, first, last)
+                harmonics, *_ = fitter.fit(block.radius)
+                _, right, up, *_ = to_pipe_clock(harmonics, block.roll, reader.sign)
+                wall.add(reader, ring, block, right, up, log.good[first:last])
+        maps.append(wall)
+    return maps
+
+
+def scan_ranges(log: ScanLog, start: float, stop: float) -> list[tuple[int, int]]:
+    """Ranges of scans (first, behind the last) whose chainage lies between start and stop; one for each passage."""
+    inside = np.flatnonzero((log.chainage >= start) & (log.chainage < stop) & log.good)
+    if not inside.size:
+        return []
+    breaks = np.flatnonzero(np.diff(inside) > 200)
+    firsts = inside[np.concatenate([[0], breaks + 1])]
+    lasts = inside[np.concatenate([breaks, [inside.size - 1]])]
+    return [(int(a), int(b) + 1) for a, b in zip(firsts, lasts, strict=True)]
+
+
+def wall_dataset(coarse: WallMap, fine: list[WallMap], sections: xr.Dataset, pose: xr.Dataset) -> xr.Dataset:
+    """Join the maps to the group ``caliper``: fine rows replace the coarse ones where both exist.
+
+    The axis is irregular: attribute ``wall_step_m`` is the step of the whole line, ``detail_step_m`` that around dents.
+    """
+    chainage, radius = coarse.chainage, coarse.radius()
+    keep = np.isfinite(radius).any(axis=1)
+    for wall in fine:
+        keep &= ~((chainage >= wall.start) & (chainage < wall.start + len(wall.total) * wall.step))
+    places, shapes = [chainage[keep]], [radius[keep]]
+    for wall in fine:
+        rows = wall.radius()
+        there = np.isfinite(rows).any(axis=1)
+        places.append(wall.chainage[there])
+        shapes.append(rows[there])
+    place, shape = np.concatenate(places), np.concatenate(shapes)
+    place, first = np.unique(place, return_index=True)
+    reference = (
+        np.interp(place, sections["chainage"].values, sections["diameter_mean"].values / 2)
+        if sections.sizes["chainage"]
+        else place * np.nan
+    )
+    values = {
+        "chainage": place,
+        "clock": np.arange(coarse.bins) * 360.0 / coarse.bins,
+        "radius": shape[first],
+        "reference_radius": reference,
+        **_offsets(place, pose),
+    }
+    return build.dataset("caliper", values, wall_step_m=coarse.step, detail_step_m=fine[0].step if fine else coarse.step)
+
+
+def _offsets(place: np.ndarray, pose: xr.Dataset) -> dict[str, np.ndarray]:
+    """Tool offset at the rows, through the chainage of the foremost ring."""
+    at = pose["ring_chainage"].values if "ring_chainage" in pose else pose["chainage"].values
+    order = np.argsort(at, kind="stable")
+    names = ("offset_right", "offset_up", "offset_right_sigma", "offset_up_sigma")
+    return {name: np.interp(place, at[order], pose[name].values[order]) for name in names}

@@ -1,0 +1,213 @@
+"""Detector events, scan records and accelerometers in; one list of possible girth welds per channel out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+
+from deform.caliper._kernels import bead_and_step
+from deform.caliper.cross_section import ScanLog
+from deform.run.raw import RawRun
+
+_BEAD_HALF_M = 0.03  # a weld bead is not longer than twice this
+_FLANK_M = 0.25  # wall on either side against which a bead or a step is seen
+_LEAST_ARM_SCORE = 4.0  # sigma; lower kicks are too many to be listed
+_LEAST_STEP_SCORE = 8.0  # sigma; the wall also waves by itself over such lengths
+_LEAST_HIT_SCORE = 5.0  # sigma of the accelerometers' own noise over the same seconds
+_NOISE_S = 2.0  # span over which the accelerometers' noise is formed
+_RING_S = 0.15  # a hit rings no longer than this
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What one sensor has to say about welds.
+
+    Attributes
+    ----------
+    name : detector, arms or accelerometer.
+    place : (n,) m, chainage.
+    score : (n,), size of the event in sigma of its own noise; 1 for a detector.
+    axis, level : (m,) m and sigma, the channel's score everywhere, so that weak traces can be looked up.
+    covered : (m, 2) m, stretches of chainage in which the channel would have seen a weld.
+    """
+
+    name: str
+    place: np.ndarray
+    score: np.ndarray
+    axis: np.ndarray
+    level: np.ndarray
+    covered: np.ndarray
+
+    def covers(self, place: np.ndarray) -> np.ndarray:
+        """True where the channel was listening."""
+        inside = np.zeros(np.shape(place), bool)
+        for start, stop in self.covered:
+            inside |= (place >= start) & (place <= stop)
+        return inside
+
+    def moved(self, shift: float) -> Channel:
+        """The same channel with all places shifted (m)."""
+        return replace(self, place=self.place + shift, axis=self.axis + shift)
+
+    def trace(self, place: np.ndarray, reach: float) -> np.ndarray:
+        """Greatest score within ``reach`` (m) of each place; 0 where there is none."""
+        first, last = np.searchsorted(self.axis, place - reach), np.searchsorted(self.axis, place + reach)
+        padded = np.append(self.level, 0.0)
+        pairs = np.stack([first, np.maximum(last, first + 1)], axis=1).ravel()
+        best = np.maximum.reduceat(padded, np.minimum(pairs, padded.size - 1))[::2]
+        return np.where(last > first, np.maximum(best, 0.0), 0.0)
+
+    def without(self, spans: np.ndarray) -> Channel:
+        """The channel deaf in the given spans (n, 2) m, such as dents that look like beads."""
+        place_in, axis_in = (np.zeros(a.shape, bool) for a in (self.place, self.axis))
+        covered = self.covered
+        for start, stop in spans:
+            place_in |= (self.place >= start) & (self.place <= stop)
+            axis_in |= (self.axis >= start) & (self.axis <= stop)
+            covered = np.array([p for a, b in covered for p in ((a, min(b, start)), (max(a, stop), b)) if p[1] > p[0]]).reshape(
+                -1, 2
+            )
+        return replace(
+            self,
+            place=self.place[~place_in],
+            score=self.score[~place_in],
+            axis=self.axis[~axis_in],
+            level=self.level[~axis_in],
+            covered=covered,
+        )
+
+
+def detector_channel(raw: RawRun, trajectory: xr.Dataset) -> Channel | None:
+    """Events of the girth-weld detector at the chainage of the IMU."""
+    if raw.weld_events is None:
+        return None
+    time = np.asarray(raw.weld_events["time"].values, float)
+    span = trajectory["time"].values[[0, -1]]
+    time = time[np.isfinite(time) & (time >= span[0]) & (time <= span[1])]
+    chainage = trajectory["chainage"].values
+    place = np.sort(np.interp(time, trajectory["time"].values, chainage))
+    one = np.ones(place.size)
+    return Channel("detector", place, one, place, one, np.array([[chainage.min(), chainage.max()]]))
+
+
+def arms_channel(log: ScanLog) -> Channel | None:
+    """Weld beads and wall steps in the mean radius of a ring, each at the ring's own chainage."""
+    good = np.flatnonzero(log.good)
+    if good.size < 100:
+        return None
+    place = log.chainage[good]
+    order = np.argsort(place, kind="stable")
+    place, radius = place[order], log.radius[good][order].astype(float)
+    bead, step = np.empty(place.size), np.empty(place.size)
+    noise = 1.4826 * np.median(np.abs(np.diff(radius))) / np.sqrt(2.0)
+    bead_and_step(place, radius, max(noise, 1e-6), _BEAD_HALF_M, _FLANK_M, bead, step)
+    bead /= max(_robust(bead), 1.0)
+    step /= max(_robust(step), 1.0)
+    edges = local_peaks(place, step, _LEAST_STEP_SCORE, 2 * _FLANK_M)
+    beads = local_peaks(place, bead, _LEAST_ARM_SCORE, 0.1)
+    events = [_edge(place, radius, step, bead, int(i)) for i in edges]
+    taken = np.array([e[0] for e in events])
+    alone = [int(i) for i in beads if not taken.size or np.abs(taken - place[i]).min() > 2 * _BEAD_HALF_M]
+    events += [(_bead_centre(place, radius, i), float(bead[i])) for i in alone]
+    events.sort()
+    table = np.array(events).reshape(-1, 2)
+    level = bead.copy()
+    at = np.minimum(np.searchsorted(place, table[:, 0]), place.size - 1)
+    level[at] = np.maximum(level[at], table[:, 1])
+    return Channel("arms", table[:, 0], table[:, 1], place, level, _stretches(place))
+
+
+def _edge(place: np.ndarray, radius: np.ndarray, step: np.ndarray, bead: np.ndarray, i: int) -> tuple[float, float]:
+    """Place and score of a wall step near scan ``i``: at its bead where one shows, else in the middle of the plateau."""
+    first, last = np.searchsorted(place, [place[i] - 2 * _BEAD_HALF_M, place[i] + 2 * _BEAD_HALF_M])
+    best = first + int(np.argmax(bead[first:last]))
+    if bead[best] >= _LEAST_ARM_SCORE:
+        return _bead_centre(place, radius, best), float(max(step[i], bead[best]))
+    near = np.arange(first, last)
+    top = near[step[near] > 0.9 * step[i]]
+    return float(place[top].mean()), float(step[i])
+
+
+def _bead_centre(place: np.ndarray, radius: np.ndarray, i: int) -> float:
+    """Centre of gravity of the metal that stands in over its flanks around scan ``i`` (m)."""
+    first, last = np.searchsorted(place, [place[i] - _BEAD_HALF_M, place[i] + _BEAD_HALF_M])
+    wide = [np.searchsorted(place, place[i] + d) for d in (-_FLANK_M, -_BEAD_HALF_M, _BEAD_HALF_M, _FLANK_M)]
+    level = min(np.median(radius[wide[0] : wide[1]]), np.median(radius[wide[2] : wide[3]]))
+    drop = np.maximum(level - radius[first:last], 0.0)
+    return float(np.sum(drop * place[first:last]) / np.sum(drop)) if drop.sum() > 0 else float(place[i])
+
+
+def accelerometer_channel(raw: RawRun, trajectory: xr.Dataset) -> Channel | None:
+    """Short shakes of the tool: accelerations freed of slow motion, in sigma of their own noise at that time."""
+    time = np.asarray(raw.imu["time"].values, float)
+    moving = np.interp(time, trajectory["time"].values, _moving(trajectory)) > 0.5
+    if time.size < 1000 or not moving.any():
+        return None
+    interval = float(np.median(np.diff(time)))
+    energy = _energy(np.asarray(raw.imu["accel_count"].values), interval)
+    energy[~moving] = 0.0
+    chainage = np.interp(time - 0.5 * interval, trajectory["time"].values, trajectory["chainage"].values)
+    samples = max(1, round(_RING_S / interval / 2))
+    peak = local_peaks(time, energy, _LEAST_HIT_SCORE**2, _RING_S)
+    centre = np.empty(peak.size)
+    for k, i in enumerate(peak):
+        part = slice(max(0, i - samples), i + samples + 1)
+        weight = np.maximum(energy[part] - 9.0, 0.0)
+        centre[k] = np.sum(weight * chainage[part]) / np.sum(weight)
+    covered = np.array([[chainage[moving].min(), chainage[moving].max()]])
+    order, events = np.argsort(chainage[moving], kind="stable"), np.argsort(centre, kind="stable")
+    axis, level = chainage[moving][order], np.sqrt(energy[moving][order])
+    return Channel("accelerometer", centre[events], np.sqrt(energy[peak][events]), axis, level, covered)
+
+
+def local_peaks(axis: np.ndarray, score: np.ndarray, least: float, apart: float) -> np.ndarray:
+    """Indices of local maxima of at least ``least``, the greatest first kept when nearer than ``apart`` along the axis."""
+    above = np.flatnonzero(score >= least)
+    kept: list[int] = []
+    if not above.size:
+        return np.empty(0, np.int64)
+    groups = np.split(above, np.flatnonzero(np.diff(axis[above]) > apart) + 1)
+    for part in groups:
+        left = part
+        while left.size:
+            best = left[np.argmax(score[left])]
+            kept.append(int(best))
+            left = left[np.abs(axis[left] - axis[best]) > apart]
+    return np.array(sorted(kept), np.int64)
+
+
+def _energy(counts: np.ndarray, interval: float) -> np.ndarray:
+    """Sum of squares of the three axes' second differences over their local robust noise, per degree of freedom."""
+    n = len(counts)
+    energy = np.zeros(n)
+    block = max(50, round(_NOISE_S / interval))
+    for axis in range(counts.shape[1]):
+        jump = np.zeros(n)
+        value = counts[:, axis].astype(float)
+        jump[1:-1] = value[1:-1] - 0.5 * (value[:-2] + value[2:])
+        blocks = -(-n // block)
+        padded = np.full(blocks * block, np.nan)
+        padded[:n] = np.abs(jump)
+        noise = 1.4826 * np.nanmedian(padded.reshape(blocks, block), axis=1)
+        noise = np.maximum(noise, max(0.5, 0.2 * float(np.median(noise))))
+        energy += (jump / np.repeat(noise, block)[:n]) ** 2
+    return energy / counts.shape[1]
+
+
+def _moving(trajectory: xr.Dataset) -> np.ndarray:
+    if "stationary" in trajectory:
+        return 1.0 - trajectory["stationary"].values.astype(float)
+    return (np.abs(trajectory["speed"].values) > 0.02).astype(float)
+
+
+def _robust(values: np.ndarray) -> float:
+    use = values[np.isfinite(values)]
+    return 1.4826 * float(np.median(np.abs(use - np.median(use)))) if use.size else 1.0
+
+
+def _stretches(place: np.ndarray, gap: float = 0.2) -> np.ndarray:
+    """Stretches of an axis without gaps."""
+    cuts = np.flatnonzero(np.diff(place) > gap)
+    return np.stack([place[np.concatenate([[0], cuts + 1])], place[np.concatenate([cuts, [place.size - 1]])]], axis=1)

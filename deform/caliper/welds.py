@@ -1,0 +1,244 @@
+"""Channels in, the weld log out: one row per girth weld with probability, place, sigma and joint length."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from deform.caliper.weld_channels import Channel
+from deform.run import build
+
+logger = logging.getLogger(__name__)
+
+_LEVELS = np.array([2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0])  # sigma: limits of the classes of a score
+_WELD_PRIOR = np.array([0.04, 0.06, 0.08, 0.10, 0.17, 0.2, 0.17, 0.18])  # share of welds in each class before the data speak
+_PRIOR_WEIGHT = 8.0  # welds that the prior is worth
+_FALSE_PER_M = 1e-3  # events per metre of a channel that no weld explains, before the data speak
+_ROUNDS = 30
+_LEAST_KEPT = 0.05  # less probable candidates are not listed at all
+_SLOW_SIGMA = {"detector": 0.02, "arms": 0.02, "accelerometer": 0.02}  # m, before the channels have been compared
+
+
+@dataclass(frozen=True)
+class _Candidates:
+    place: np.ndarray
+    sigma: np.ndarray
+    traces: list[np.ndarray]
+    covered: list[np.ndarray]
+    named: np.ndarray
+
+
+def weld_log(channels: list[Channel], trajectory: xr.Dataset, cluster: float = 0.15, nominal_joint: float = 12.2) -> xr.Dataset:
+    """Combine the channels into group ``welds``.
+
+    Parameters
+    ----------
+    channels : what each sensor has to say; one is enough, two or three make the log safe.
+    trajectory : group ``trajectory``; gives time, odometer distance and sigma at each weld.
+    cluster : m, events nearer to each other than this are one weld.
+    nominal_joint : m, tells how many welds to expect.
+
+    Notes
+    -----
+    Hypotheses of a candidate: a girth weld, seen by each channel with its own distribution of scores; or a false event of
+    one channel while all others show their background (sampled away from all events). The distributions of scores of welds
+    and the rates of false events of each channel are learned from the run itself by expectation and maximization, with weak
+    priors, so a poor detector or deaf accelerometers lower their own weight. The place is the weighted mean of the channels
+    after their constant shifts against each other were taken out; each channel's sigma comes from the pairwise differences.
+    """
+    channels = [c for c in channels if c is not None]
+    if not channels:
+        return _dataset(np.empty(0), np.empty(0), np.empty(0), np.empty(0, object), trajectory)
+    channels, sigma = _align(channels, cluster)
+    found = _gather(channels, sigma, cluster)
+    if not found.place.size:
+        return _dataset(np.empty(0), np.empty(0), np.empty(0), np.empty(0, object), trajectory)
+    probability = _probability(channels, sigma, found, nominal_joint)
+    keep = _best_of_near(found.place, probability, cluster) & (probability > _LEAST_KEPT)
+    return _dataset(found.place[keep], found.sigma[keep], probability[keep], found.named[keep], trajectory)
+
+
+def _align(channels: list[Channel], cluster: float) -> tuple[list[Channel], np.ndarray]:
+    """Take out constant shifts between the channels and return each one's own sigma (three-cornered hat)."""
+    shift = np.zeros(len(channels))
+    for k in range(1, len(channels)):
+        difference = _differences(channels[0], channels[k], cluster)
+        if difference.size >= 5:
+            shift[k] = np.median(difference)
+            if abs(shift[k]) > 0.02:
+                logger.warning("welds: %s stand %.3f m off the %s; shifted", channels[k].name, shift[k], channels[0].name)
+    moved = [c.moved(-s) for c, s in zip(channels, shift, strict=True)]
+    variance, count = np.zeros((len(channels), len(channels))), np.zeros((len(channels), len(channels)))
+    for i in range(len(channels)):
+        for j in range(i):
+            difference = _differences(moved[i], moved[j], cluster)
+            if difference.size >= 5:
+                variance[i, j] = variance[j, i] = (1.4826 * np.median(np.abs(difference))) ** 2
+                count[i, j] = count[j, i] = 1.0
+    sigma = np.array([_SLOW_SIGMA.get(c.name, 0.02) for c in channels])
+    for k in range(len(channels)):
+        others = np.flatnonzero(count[k])
+        if others.size >= 2:
+            i, j = others[:2]
+            own = 0.5 * (variance[k, i] + variance[k, j] - variance[i, j])
+            sigma[k] = np.sqrt(max(own, 0.05 * max(variance[k, i], variance[k, j]), 1e-6))
+        elif others.size == 1:
+            sigma[k] = np.sqrt(variance[k, others[0]] / 2)
+    return moved, sigma
+
+
+def _differences(first: Channel, second: Channel, cluster: float) -> np.ndarray:
+    """Places of the second minus the nearest of the first, where they are mutual and near (m)."""
+    if not first.place.size or not second.place.size:
+        return np.empty(0)
+    to_first = _nearest(second.place, first.place)
+    back = _nearest(first.place, second.place)
+    difference = second.place - first.place[to_first]
+    mutual = back[to_first] == np.arange(second.place.size)
+    return difference[mutual & (np.abs(difference) < cluster)]
+
+
+def _nearest(places: np.ndarray, among: np.ndarray) -> np.ndarray:
+    right = np.clip(np.searchsorted(among, places), 1, max(1, among.size - 1))
+    left = right - 1
+    right = np.minimum(right, among.size - 1)
+    return np.where(np.abs(among[left] - places) <= np.abs(among[right] - places), left, right)
+
+
+def _reach(sigma: np.ndarray, cluster: float) -> np.ndarray:
+    return np.clip(4.0 * np.hypot(sigma, sigma.min()) + 0.01, 0.03, cluster)
+
+
+def _gather(channels: list[Channel], sigma: np.ndarray, cluster: float) -> _Candidates:
+    """Cluster the events of all channels; each candidate looks up every channel's trace at its place."""
+    place = np.concatenate([c.place for c in channels])
+    source = np.concatenate([np.full(c.place.size, k) for k, c in enumerate(channels)])
+    score = np.concatenate([c.score for c in channels])
+    order = np.argsort(place, kind="stable")
+    place, source, score = place[order], source[order], score[order]
+    reach = float(_reach(sigma, cluster).max())
+    groups = np.split(np.arange(place.size), np.flatnonzero(np.diff(place) > reach) + 1) if place.size else []
+    places, sigmas, names = [], [], []
+    for group in groups:
+        best = [group[source[group] == k][np.argmax(score[group][source[group] == k])] for k in np.unique(source[group])]
+        weight = 1.0 / sigma[source[best]] ** 2
+        places.append(float(np.sum(weight * place[best]) / weight.sum()))
+        sigmas.append(float(1.0 / np.sqrt(weight.sum())))
+        names.append("+".join(dict.fromkeys(channels[source[b]].name for b in best)))
+    found = np.array(places)
+    traces = [c.trace(found, r) for c, r in zip(channels, _reach(sigma, cluster), strict=True)]
+    covered = [c.covers(found) for c in channels]
+    return _Candidates(found, np.array(sigmas), traces, covered, np.array(names, dtype=object))
+
+
+def _probability(channels: list[Channel], sigma: np.ndarray, found: _Candidates, nominal_joint: float) -> np.ndarray:
+    """Posterior probability of each candidate to be a girth weld."""
+    classes = [np.digitize(t, _LEVELS) for t in found.traces]
+    there = [c.copy() for c in found.covered]
+    span = max(float(np.ptp(found.place)), nominal_joint)
+    background = [_background(c, found.place, r) for c, r in zip(channels, _reach(sigma, 0.15), strict=True)]
+    welds = [_weld_prior(c) for c in channels]
+    rates = [np.full(_LEVELS.size + 1, _FALSE_PER_M / (_LEVELS.size + 1)) for _ in channels]
+    density = 1.0 / nominal_joint
+    fired = [t >= (0.5 if c.name == "detector" else _LEVELS[2]) for t, c in zip(found.traces, channels, strict=True)]
+    probability = np.full(found.place.size, 0.5)
+    for _ in range(_ROUNDS):
+        weld = np.full(found.place.size, np.log(density))
+        silent = np.zeros(found.place.size)
+        for k, level in enumerate(classes):
+            weld += np.where(there[k], np.log(welds[k][level]), 0.0)
+            silent += np.where(there[k], np.log(background[k][level]), 0.0)
+        false = np.stack(
+            [
+                np.where(fired[k] & there[k], np.log(rates[k][level]) + silent - np.log(background[k][level]), -np.inf)
+                for k, level in enumerate(classes)
+            ]
+        )
+        total = np.logaddexp.reduce(false, axis=0)
+        before, probability = probability, 1.0 / (1.0 + np.exp(np.clip(total - weld, -700.0, 700.0)))
+        share = np.exp(false - np.where(np.isfinite(total), total, 0.0)) * (1.0 - probability)
+        density = (probability.sum() + 1.0) / (span + nominal_joint)
+        for k, (channel, level) in enumerate(zip(channels, classes, strict=True)):
+            count = np.bincount(level[there[k]], probability[there[k]], _LEVELS.size + 1)
+            welds[k] = (count + _PRIOR_WEIGHT * _weld_prior(channel)) / (count.sum() + _PRIOR_WEIGHT)
+            events = np.bincount(level, share[k], _LEVELS.size + 1)
+            rates[k] = (events + 0.25) / (span + 0.25 * (_LEVELS.size + 1) / _FALSE_PER_M)
+        if np.abs(probability - before).max() < 1e-6:
+            break
+    return probability
+
+
+def _weld_prior(channel: Channel) -> np.ndarray:
+    if channel.name != "detector":
+        return _WELD_PRIOR
+    prior = np.full(_LEVELS.size + 1, 1e-3)
+    prior[0] = 1.0 - 1e-3 * _LEVELS.size
+    return prior
+
+
+def _background(channel: Channel, candidates: np.ndarray, reach: float, samples: int = 4000) -> np.ndarray:
+    """Share of each class of score at places where nothing was found."""
+    start, stop = candidates.min(), candidates.max()
+    place = start + (np.arange(samples) + 0.5) * (stop - start) / samples
+    if candidates.size > 1:
+        place = place[np.abs(place - candidates[_nearest(place, candidates)]) > 0.5]
+    place = place[channel.covers(place)]
+    count = np.bincount(np.digitize(channel.trace(place, reach), _LEVELS), minlength=_LEVELS.size + 1).astype(float)
+    floor = 0.5 * 0.5 ** np.arange(_LEVELS.size + 1)
+    return (count + floor) / (count + floor).sum()
+
+
+def _best_of_near(place: np.ndarray, probability: np.ndarray, apart: float) -> np.ndarray:
+    """Of candidates nearer than ``apart`` keep the most probable."""
+    keep = np.ones(place.size, bool)
+    for i in np.flatnonzero(np.diff(place) < apart):
+        worse = i if probability[i] < probability[i + 1] else i + 1
+        keep[worse] = False
+    return keep
+
+
+def _dataset(
+    place: np.ndarray, sigma: np.ndarray, probability: np.ndarray, source: np.ndarray, trajectory: xr.Dataset
+) -> xr.Dataset:
+    """Group ``welds`` in order of chainage, with time and odometer distance through the trajectory."""
+    order = np.argsort(place, kind="stable")
+    place, sigma, probability, source = place[order], sigma[order], probability[order], source[order]
+    time, chainage, log_distance = (trajectory[n].values for n in ("time", "chainage", "log_distance"))
+    index = _first_passage(chainage)
+    length = np.full(place.size, np.nan)
+    length_sigma = length.copy()
+    sure = np.flatnonzero(probability >= 0.5)
+    length[sure[:-1]] = np.diff(place[sure])
+    length_sigma[sure[:-1]] = np.hypot(np.hypot(sigma[sure[1:]], sigma[sure[:-1]]), _odometer_part(length[sure[:-1]]))
+    drift = (
+        np.interp(place, chainage[index], trajectory["chainage_sigma"].values[index])
+        if "chainage_sigma" in trajectory
+        else 0.0 * place
+    )
+    values = {
+        "chainage": place,
+        "chainage_sigma": np.hypot(sigma, drift),
+        "log_distance": np.interp(place, chainage[index], log_distance[index]),
+        "time": np.interp(place, chainage[index], time[index]),
+        "probability": probability,
+        "joint_length": length,
+        "joint_length_sigma": length_sigma,
+        "source": source,
+    }
+    return build.dataset("welds", values)
+
+
+def _odometer_part(length: np.ndarray, fraction: float = 3e-4) -> np.ndarray:
+    """Part of the sigma of a joint's length that grows with it: scale of distance over one joint (m)."""
+    return fraction * length
+
+
+def _first_passage(chainage: np.ndarray) -> np.ndarray:
+    """Indices of the trajectory at which new ground is won, rising in chainage (a tool may stand, or roll back)."""
+    if chainage[-1] < chainage[0]:
+        return _first_passage(-chainage)[::-1]
+    furthest = np.maximum.accumulate(chainage)
+    return np.flatnonzero(np.concatenate([[True], furthest[1:] > furthest[:-1]]))
