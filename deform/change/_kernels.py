@@ -1,0 +1,168 @@
+"""Jitted loops of the change room: arrays in, arrays out, SI and radian, no validation."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+
+@numba.njit(cache=True, error_model="numpy")
+def drift_filter(place, tangent, right, lift, value, noise, used, walk, state, cover, ahead_state, ahead_cover):
+    """Run the drift of a pair of runs forward along the pipe; return minus twice the log likelihood of the used nodes.
+
+    State: drift east, north, up (m), relative heading, pitch (rad) and scale (1), the last three random walks.
+    ``walk`` holds their intensities (rad²/m, rad²/m, 1/m); ``noise`` (n, 3) the variances of east, north, up.
+    ``state``, ``cover`` receive the filtered, ``ahead_*`` the predicted moments of each node.
+    """
+    n = place.shape[0]
+    x = np.zeros(6)
+    c = np.zeros((6, 6))
+    for i in range(3):
+        c[i, i] = 1e6
+        c[i + 3, i + 3] = 1e-2
+    gain = np.zeros(6)
+    score = 0.0
+    for k in range(n):
+        if k > 0:
+            _predict(x, c, place[k] - place[k - 1], tangent[k - 1], right[k - 1], lift[k - 1], walk)
+        for i in range(6):
+            ahead_state[k, i] = x[i]
+            for j in range(6):
+                ahead_cover[k, i, j] = c[i, j]
+        if used[k]:
+            for m in range(3):
+                s = c[m, m] + noise[k, m]
+                miss = value[k, m] - x[m]
+                if s < 1e5:
+                    score += np.log(s) + miss * miss / s
+                for i in range(6):
+                    gain[i] = c[i, m] / s
+                for i in range(6):
+                    x[i] += gain[i] * miss
+                for i in range(6):
+                    for j in range(i, 6):
+                        c[i, j] -= gain[i] * gain[j] * s
+                        c[j, i] = c[i, j]
+        for i in range(6):
+            state[k, i] = x[i]
+            for j in range(6):
+                cover[k, i, j] = c[i, j]
+    return score
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _predict(x, c, ds, tangent, right, lift, walk):
+    """Carry the drift over a stretch of pipe: position turns with relative heading, pitch and scale."""
+    f = np.zeros((3, 3))
+    for i in range(3):
+        f[i, 0] = right[i] * ds
+        f[i, 1] = lift[i] * ds
+        f[i, 2] = tangent[i] * ds
+    for i in range(3):
+        x[i] += f[i, 0] * x[3] + f[i, 1] * x[4] + f[i, 2] * x[5]
+    b = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            b[i, j] = f[i, 0] * c[3, j + 3] + f[i, 1] * c[4, j + 3] + f[i, 2] * c[5, j + 3]
+    for i in range(3):
+        for j in range(i, 3):
+            e = 0.0
+            w = 0.0
+            for m in range(3):
+                e += f[i, m] * c[m + 3, j] + f[j, m] * c[m + 3, i] + b[i, m] * f[j, m]
+                w += f[i, m] * f[j, m] * walk[m] * ds / 3.0
+            c[i, j] += e + w
+            c[j, i] = c[i, j]
+    for i in range(3):
+        for j in range(3):
+            c[i, j + 3] += b[i, j] + 0.5 * f[i, j] * walk[j] * ds
+            c[j + 3, i] = c[i, j + 3]
+    for m in range(3):
+        c[m + 3, m + 3] += walk[m] * ds
+
+
+@numba.njit(cache=True, error_model="numpy")
+def drift_smooth(place, tangent, right, lift, state, cover, ahead_state, ahead_cover):
+    """Turn filtered moments into smoothed ones, in place (Rauch–Tung–Striebel)."""
+    n = place.shape[0]
+    f = np.eye(6)
+    for k in range(n - 2, -1, -1):
+        ds = place[k + 1] - place[k]
+        for i in range(3):
+            f[i, 3] = right[k, i] * ds
+            f[i, 4] = lift[k, i] * ds
+            f[i, 5] = tangent[k, i] * ds
+        cf = np.zeros((6, 6))
+        for i in range(6):
+            for j in range(6):
+                e = cover[k, i, j]
+                if j < 3:
+                    e += cover[k, i, 3] * f[j, 3] + cover[k, i, 4] * f[j, 4] + cover[k, i, 5] * f[j, 5]
+                cf[i, j] = e
+        back = np.linalg.solve(ahead_cover[k + 1], cf.T).T
+        miss = state[k + 1] - ahead_state[k + 1]
+        for i in range(6):
+            for j in range(6):
+                state[k, i] += back[i, j] * miss[j]
+        gap = cover[k + 1] - ahead_cover[k + 1]
+        part = np.zeros((6, 6))
+        for i in range(6):
+            for j in range(6):
+                e = 0.0
+                for m in range(6):
+                    e += back[i, m] * gap[m, j]
+                part[i, j] = e
+        for i in range(6):
+            for j in range(i, 6):
+                e = 0.0
+                for m in range(6):
+                    e += part[i, m] * back[j, m]
+                cover[k, i, j] += e
+                cover[k, j, i] = cover[k, i, j]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def block_means(values, size, out):
+    """Mean of the finite values of each block of ``size`` rows; NaN when fewer than half are finite."""
+    n, columns = out.shape
+    for i in range(n):
+        for c in range(columns):
+            total = 0.0
+            count = 0
+            for k in range(i * size, min((i + 1) * size, values.shape[0])):
+                v = values[k, c]
+                if np.isfinite(v):
+                    total += v
+                    count += 1
+            out[i, c] = total / count if 2 * count >= size else np.nan
+
+
+@numba.njit(cache=True, error_model="numpy")
+def hysteresis(level, low, high, reach, out):
+    """Number the stretches where ``level`` exceeds ``low`` and somewhere ``high``; gaps of up to ``reach`` are bridged.
+
+    ``out`` receives 0 outside and 1, 2, ... inside; the number of stretches is returned.
+    """
+    n = level.shape[0]
+    count = 0
+    i = 0
+    while i < n:
+        if not level[i] > low:
+            out[i] = 0
+            i += 1
+            continue
+        end = i
+        top = level[i]
+        k = i + 1
+        while k < n and k - end <= reach + 1:
+            if level[k] > low:
+                end = k
+                top = max(top, level[k])
+            k += 1
+        strong = top > high
+        if strong:
+            count += 1
+        for m in range(i, end + 1):
+            out[m] = count if strong else 0
+        i = end + 1
+    return count

@@ -1,0 +1,236 @@
+"""Runs of one line and their matching in, what changed between them out: dataset, zones, dents, joints and the limits of detection."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from numpy.typing import NDArray
+
+from deform.change.dent_change import compare_dents
+from deform.change.detection_limit import limit_rows
+from deform.change.joint_change import noise_of_joints, with_axial_strain
+from deform.change.pair import PairChange, pair_change
+from deform.change.stack import POSITION, Layer, layer, reference_axis, run_day, run_id, tangents
+from deform.change.zone_table import zone_table
+from deform.errors import Fault, InputError
+from deform.options import ChangeOptions
+from deform.run import build, history
+
+log = logging.getLogger(__name__)
+Floats = NDArray[Any]
+_DISPLACEMENT = ("east", "north", "up", "lateral", "axial")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What changed between the runs of a line.
+
+    Attributes
+    ----------
+    dataset : group ``comparison`` of the vocabulary: epoch × reference chainage, all against the reference run, with sigma.
+    zones : table ``zones``.
+    dents : table ``dents``, all runs.
+    joints : table ``joints``, with axial strain.
+    limits : table ``limits``: noise floors and detection limits of each pair.
+    remarks : what the runs cannot tell, in words.
+    """
+
+    dataset: xr.Dataset
+    zones: pd.DataFrame
+    dents: pd.DataFrame
+    joints: pd.DataFrame
+    limits: pd.DataFrame
+    remarks: tuple[str, ...] = ()
+
+
+def compare(
+    runs: list[xr.DataTree],
+    matching: Any,
+    options: ChangeOptions | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Comparison:
+    """Compare the runs of a line with its reference run.
+
+    Parameters
+    ----------
+    runs : runs of the line; they are taken in the order of their dates.
+    matching : `correlate.weld_matching.Matching` of the same runs.
+    options : thresholds.
+    progress : called with the fraction done.
+
+    Raises
+    ------
+    InputError
+        When a run has no chainage map, or the reference run no axis.
+
+    Notes
+    -----
+    Each run is brought to the steel of the reference run (`stack`), its difference freed of the drift of the two trajectories by the
+    pipe that did not move (`datum`), movements are searched in position and curvature together (`wavelength`, `zones`), and every
+    derived number gets its sigma from the stable pipe of the pair itself (`noise_floor`). A listing tells only what it holds.
+    """
+    options = options or ChangeOptions()
+    runs = _in_order(runs, matching)
+    names = [run_id(run) for run in runs]
+    reference = str(matching.reference)
+    base = runs[names.index(reference)]
+    axis = reference_axis(base, options.axis_step_m)
+    remarks: list[str] = []
+    ground = layer(base, matching.maps[reference], axis)
+    ground = _whole(ground, axis)
+    diameter = _diameter(runs, ground, remarks)
+    axes = tangents(ground, axis) if ground.has(*POSITION) or ground.has("azimuth", "pitch") else None
+    values = _Values(len(runs), axis.size)
+    pairs: list[PairChange] = []
+    for k, run in enumerate(runs):
+        if names[k] == reference:
+            values.reference(k, ground)
+        else:
+            other = layer(run, matching.maps[names[k]], axis)
+            remarks += _what_is_missing(ground, other)
+            values.place(k, other)
+            if axes is not None:
+                edits = tuple((float(a), float(b)) for a, b in np.asarray(matching.maps[names[k]].broken, float).reshape(-1, 2))
+                pair = pair_change(ground, other, axis, axes, options, edits)
+                values.change(k, pair, diameter)
+                remarks += [f"{pair.run}: {remark}" for remark in pair.remarks]
+                pairs.append(pair)
+        if progress:
+            progress(0.9 * (k + 1) / len(runs))
+    joints = with_axial_strain(matching.joints, reference, names, options.k_sigma)
+    zones = zone_table(pairs, axis, matching.edits, joints, diameter, options)
+    dents = compare_dents(runs, matching, options, joints)
+    limits = build.table(
+        "limits", pd.DataFrame([r for p in pairs for r in limit_rows(p, diameter, noise_of_joints(joints, p.run))])
+    )
+    if progress:
+        progress(1.0)
+    for remark in remarks:
+        log.warning("%s", remark)
+    dataset = values.dataset(names, runs, axis, reference, ground.gauge_length)
+    if np.isfinite(diameter):
+        dataset.attrs["outside_diameter_m"] = diameter
+    return Comparison(dataset, zones, dents, joints, limits, tuple(remarks))
+
+
+def _in_order(runs: list[xr.DataTree], matching: Any) -> list[xr.DataTree]:
+    """Runs by date, those without a date where they stand; every one must have a map."""
+    faults = [
+        Fault(run_id(r), "chainage map", "the matching holds none for this run") for r in runs if run_id(r) not in matching.maps
+    ]
+    if str(matching.reference) not in {run_id(r) for r in runs}:
+        faults.append(Fault(str(matching.reference), "reference", "is not among the runs"))
+    if faults:
+        raise InputError(faults)
+    days = [run_day(run) for run in runs]
+    if not np.isfinite(days).all():
+        return list(runs)
+    return [runs[i] for i in np.argsort(days, kind="stable")]
+
+
+def _whole(ground: Layer, axis: Floats) -> Layer:
+    """The reference run holds its own steel everywhere."""
+    zero = np.zeros(axis.size)
+    return Layer(
+        ground.run,
+        ground.date,
+        axis.copy(),
+        zero,
+        np.ones(axis.size, bool),
+        ground.values,
+        ground.gauge_length,
+        ground.outside_diameter,
+    )
+
+
+def _diameter(runs: list[xr.DataTree], ground: Layer, remarks: list[str]) -> float:
+    known = {
+        run_id(r): float(r.attrs["outside_diameter_m"])
+        for r in runs
+        if np.isfinite(float(r.attrs.get("outside_diameter_m", np.nan)))
+    }
+    if known and max(known.values()) - min(known.values()) > 1e-3:
+        words = ", ".join(f"{name} {value:.4f}" for name, value in known.items())
+        remarks.append(
+            f"the runs state different outside diameters ({words} m); strains are formed with that of the reference run"
+        )
+    return ground.outside_diameter if np.isfinite(ground.outside_diameter) else next(iter(known.values()), float("nan"))
+
+
+def _what_is_missing(ground: Layer, other: Layer) -> list[str]:
+    remarks = []
+    if not (ground.has(*POSITION) and other.has(*POSITION)):
+        remarks.append(f"{other.run}: no coordinates to compare with {ground.run}: no displacement")
+    if not (ground.has("curvature_horizontal") and other.has("curvature_horizontal")):
+        remarks.append(f"{other.run}: no curvature to compare with {ground.run}: no change of bending strain")
+    share = float(other.valid.mean())
+    if share < 0.95:
+        remarks.append(f"{other.run}: holds {100 * share:.0f} % of the pipe of {ground.run}; nothing is said about the rest")
+    if (
+        np.isfinite(ground.gauge_length)
+        and np.isfinite(other.gauge_length)
+        and abs(ground.gauge_length - other.gauge_length) > 0.01
+    ):
+        remarks.append(
+            f"{other.run}: curvature over {other.gauge_length:g} m, {ground.run} over {ground.gauge_length:g} m: not the same quantity in bends"
+        )
+    if other.date == ground.date:
+        remarks.append(f"{other.run} and {ground.run} are of one day: their difference is noise, and carries no rate")
+    return remarks
+
+
+class _Values:
+    """Arrays of the comparison, each made when the first run can fill it."""
+
+    def __init__(self, epochs: int, size: int):
+        self.shape = (epochs, size)
+        self.arrays: dict[str, Floats] = {}
+        self.zero: int | None = None
+        self.stable = np.zeros(self.shape, bool)
+
+    def _put(self, name: str, k: int, values: Floats | None, sigma: Floats | None = None) -> None:
+        for key, row in ((name, values), (f"{name}_sigma", sigma)):
+            if row is not None:
+                if key not in self.arrays:
+                    self.arrays[key] = np.full(self.shape, np.nan)
+                self.arrays[key][k] = row
+
+    def reference(self, k: int, ground: Layer) -> None:
+        self.zero = k
+        self.place(k, ground)
+        self.stable[k] = True
+
+    def place(self, k: int, run: Layer) -> None:
+        self._put("run_chainage", k, run.run_chainage, run.run_chainage_sigma)
+
+    def change(self, k: int, pair: PairChange, diameter: float) -> None:
+        self.stable[k] = pair.stable
+        if pair.displacement is not None and pair.displacement_sigma is not None:
+            for m, name in enumerate(_DISPLACEMENT):
+                self._put(f"displacement_{name}", k, pair.displacement[:, m], pair.displacement_sigma[:, m])
+        for name, change in pair.curvature.items():
+            self._put(f"curvature_change_{name}", k, change.change, change.sigma)
+            if np.isfinite(diameter):
+                half = diameter / 2.0
+                self._put(f"bending_strain_change_{name}", k, change.change * half, change.sigma * half)
+        self._put("ovality_change", k, pair.ovality, pair.ovality_sigma)
+
+    def dataset(self, names: list[str], runs: list[xr.DataTree], axis: Floats, reference: str, gauge: float) -> xr.Dataset:
+        if self.zero is not None:
+            for name, array in self.arrays.items():
+                if not name.startswith("run_chainage"):
+                    array[self.zero] = 0.0
+        dates = [str(run.attrs.get("date", "")) for run in runs]
+        values = {"epoch": names, "date": dates, "chainage": axis, **self.arrays, "stable": self.stable}
+        ds = build.dataset("comparison", values, reference=reference, dates=", ".join(dates))
+        for name in ds.data_vars:
+            if str(name).startswith(("curvature_change", "bending_strain_change")):
+                ds[name].attrs["gauge_length_m"] = gauge
+        history.append(ds.attrs, f"{len(names)} runs compared with {reference}")
+        return ds

@@ -1,0 +1,99 @@
+"""Noise of a pair of runs at each wavelength in, the least movement that could have been seen out: also where nothing was found."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+from scipy.stats import ncx2
+
+from deform.change.noise_floor import class_name
+from deform.change.pair import PairChange
+
+Floats = NDArray[Any]
+
+
+def peak_curvature(amplitude: ArrayLike, length: ArrayLike) -> Floats:
+    """Return the largest curvature (1/m) of a movement w = A/2 (1 - cos 2πs/L): 2 π² A / L².
+
+    Examples
+    --------
+    >>> strain = peak_curvature(0.5, 60.0) * 0.6096 / 2
+    >>> round(float(strain) * 100, 4)
+    0.0836
+    """
+    return 2.0 * np.pi**2 * np.asarray(amplitude, float) / np.asarray(length, float) ** 2
+
+
+def mean_elongation(amplitude: ArrayLike, length: ArrayLike) -> Floats:
+    """Return the mean axial strain of a movement w = A/2 (1 - cos 2πs/L) between fixed ends: π² A² / 4 L².
+
+    Examples
+    --------
+    >>> round(float(mean_elongation(0.5, 60.0)) * 100, 4)
+    0.0171
+    """
+    return np.pi**2 * np.asarray(amplitude, float) ** 2 / (4.0 * np.asarray(length, float) ** 2)
+
+
+def detectable(sigma: float, limit: float, probability: float) -> float:
+    """Return the amplitude that exceeds the threshold with a probability.
+
+    Parameters
+    ----------
+    sigma : of the amplitude of one component (m).
+    limit : threshold on twice the log likelihood ratio.
+    probability : of detection, such as 0.5 or 0.9.
+
+    Notes
+    -----
+    With an amplitude A twice the log likelihood ratio is non-central chi-square with two degrees of freedom and non-centrality A²/σ².
+    """
+    if not np.isfinite(sigma):
+        return float("nan")
+    root = brentq(lambda n: ncx2.sf(limit, 2, n) - probability, 1e-9, 4.0 * limit + 100.0)
+    return float(sigma * np.sqrt(root))
+
+
+def limit_rows(pair: PairChange, outside_diameter: float, joint_noise: float) -> list[dict]:
+    """Return the rows of tables/limits.csv of one pair of runs: its noise floors, then its detection limit at each wavelength."""
+    names = {"run_from": pair.reference, "run_to": pair.run}
+    rows = []
+    for quantity, floors in pair.floors.items():
+        kind, _, component = quantity.rpartition(" ") if " " in quantity else (quantity, "", "")
+        for number, floor in sorted(floors.items()):
+            row = {"quantity": kind, "component": component, "speed_class": class_name(number), "noise_sigma": floor}
+            rows.append(names | row)
+    if np.isfinite(joint_noise):
+        rows.append(
+            names | {"quantity": "joint length", "component": "axial", "speed_class": class_name(-1), "noise_sigma": joint_noise}
+        )
+    for wave in pair.waves:
+        for m, component in enumerate(("lateral", "up")):
+            rows.append(names | _wave_row(wave, m, component, pair.limit, outside_diameter))
+    return rows
+
+
+def _wave_row(wave, m: int, component: str, limit: float, outside_diameter: float) -> dict:
+    sigma = _median(wave.sigma[:, m])
+    half, sure = detectable(sigma, limit, 0.5), detectable(sigma, limit, 0.9)
+    position, curvature = _median(wave.position_sigma[:, m]), _median(wave.curvature_sigma[:, m])
+    return {
+        "quantity": "displacement",
+        "component": component,
+        "speed_class": class_name(-1),
+        "wavelength_m": wave.length,
+        "noise_sigma": sigma,
+        "limit_displacement_m": half,
+        "limit_90_displacement_m": sure,
+        "limit_strain_change": float(peak_curvature(half, wave.length) * outside_diameter / 2.0),
+        "limit_axial_strain": float(mean_elongation(half, wave.length)),
+        "decided_by": "position" if np.nan_to_num(position, nan=np.inf) <= np.nan_to_num(curvature, nan=np.inf) else "curvature",
+    }
+
+
+def _median(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else float("nan")

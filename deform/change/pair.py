@@ -1,0 +1,268 @@
+"""Two runs on the reference chainage in, their change with datum, sigma, noise floor and candidate zones out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deform.change import _kernels, zones
+from deform.change.curvature_change import CurvatureChange, curvature_change
+from deform.change.datum import Datum, drift_model, fit_drift
+from deform.change.noise_floor import floor_by_class, speed_class
+from deform.change.position_change import along_pipe, along_pipe_sigma, raw_difference
+from deform.change.stack import Layer
+from deform.change.wavelength import Signals, Waves, scan, wavelengths
+from deform.options import ChangeOptions
+
+Floats = NDArray[Any]
+_ROUNDS = 6  # of search and exclusion; two suffice unless zones lie in each other's flanks
+_BRIDGE = 120.0  # m, length over which the sigma of the datum must hold as if the pipe there were not stable
+
+
+@dataclass(frozen=True)
+class PairChange:
+    """Change of one run since another at the same steel.
+
+    Attributes
+    ----------
+    run, reference : names.
+    displacement, displacement_sigma : (n, 5) east, north, up, lateral, axial (m), or None without positions.
+    curvature : change of each component, or None.
+    ovality, ovality_sigma : (n,) or None.
+    stable : (n,) true where the pipe serves as datum.
+    candidates : stretches that changed.
+    place, signals, waves : the scan axis (m), what was searched on it, the amplitudes of each wavelength after the zones were taken out.
+    drift : (m, 3) what was taken for drift of the runs, on the scan axis.
+    floors : noise floor by quantity and speed class.
+    limit : threshold on twice the log likelihood ratio.
+    remarks : what the pair cannot tell, in words.
+    """
+
+    run: str
+    reference: str
+    displacement: Floats | None
+    displacement_sigma: Floats | None
+    curvature: dict[str, CurvatureChange]
+    ovality: Floats | None
+    ovality_sigma: Floats | None
+    stable: Floats
+    candidates: list[zones.Candidate]
+    place: Floats
+    signals: Signals | None
+    waves: list[Waves]
+    drift: Floats | None
+    floors: dict[str, dict[int, float]]
+    limit: float
+    remarks: list[str] = field(default_factory=list)
+
+
+def pair_change(
+    reference: Layer,
+    other: Layer,
+    axis: Floats,
+    axes: tuple[Floats, Floats, Floats],
+    options: ChangeOptions,
+    edits: tuple[tuple[float, float], ...] = (),
+) -> PairChange:
+    """Return the change of one run since the reference run.
+
+    Parameters
+    ----------
+    reference, other : the runs on the reference chainage.
+    axis : reference chainage, regular (m).
+    axes : tangent, right, lift of the reference pipe, each (n, 3).
+    options : thresholds and wavelengths.
+    edits : stretches that were replaced between the two runs; nothing is said about them.
+    """
+    difference = raw_difference(reference, other)
+    classes = speed_class(other.values.get("speed"), axis.size)
+    usable = other.valid & reference.valid & ~_inside(axis, edits, options.edit_margin_m)
+    search = _Search(reference, other, axis, axes, options, difference, classes, usable)
+    search.run()
+    displacement, sigma, floors = search.displacement()
+    ovality, ovality_sigma = _ovality(reference, other, classes, search.stable, floors)
+    floors |= {f"bending strain {name}": _strain_floor(c, other) for name, c in search.curvature.items()}
+    return PairChange(
+        run=other.run,
+        reference=reference.run,
+        displacement=displacement,
+        displacement_sigma=sigma,
+        curvature=search.curvature,
+        ovality=ovality,
+        ovality_sigma=ovality_sigma,
+        stable=search.stable,
+        candidates=search.found,
+        place=search.place,
+        signals=search.signals,
+        waves=search.waves,
+        drift=search.datum.drift if search.datum else None,
+        floors=floors,
+        limit=search.limit,
+        remarks=search.remarks,
+    )
+
+
+class _Search:
+    """Search and exclusion: find what moved with the pipe beside it as datum, take it out of the datum, look again."""
+
+    def __init__(self, reference, other, axis, axes, options, difference, classes, usable):
+        self.reference, self.other, self.axis, self.options = reference, other, axis, options
+        self.axes, self.difference, self.classes, self.usable = axes, difference, classes, usable
+        self.step = float(axis[1] - axis[0])
+        self.size = max(round(options.scan_step_m / self.step), 1)
+        self.place = _scan_axis(axis, self.size)
+        self.scan_difference = self._coarse(np.where(usable[:, None], difference, np.nan))
+        self.scan_axes = tuple(self._coarse(a) for a in axes)
+        self.scan_usable = self._coarse(usable[:, None].astype(float))[:, 0] > 0.5
+        self.lengths = wavelengths(options.shortest_wavelength_m, options.longest_wavelength_m, axis[-1] - axis[0])
+        self.limit = zones.threshold(self.lengths, options.false_alarms_per_100_km)
+        self.found: list[zones.Candidate] = []
+        self.excluded: list[tuple[float, float]] = []
+        self.stable = usable.copy()
+        self.curvature: dict[str, CurvatureChange] = {}
+        self.datum: Datum | None = None
+        self.signals: Signals | None = None
+        self.waves: list[Waves] = []
+        self.remarks: list[str] = []
+
+    def run(self) -> None:
+        """Search until a round finds nothing more."""
+        self.has_position = bool(np.isfinite(self.scan_difference).any())
+        for number in range(_ROUNDS):
+            self._changes_of_curvature()
+            if not (self.has_position or self.curvature):
+                return
+            self._fit()
+            self.signals = self._signals(centred=number > 0)
+            if self.model is None:
+                return
+            self.waves = scan(self.signals, self.model, self.lengths, self.scan_usable & ~_inside(self.place, self.excluded, 0.0))
+            new = zones.peaks(self.waves, self.limit, self.excluded)
+            if not new and number > 0:
+                return
+            self._take(new)
+
+    def displacement(self):
+        """Displacement (n, 5), its sigma, and the noise floors."""
+        if not self.has_position or self.datum is None:
+            return None, None, {}
+        drift = np.column_stack([np.interp(self.axis, self.place, self.datum.drift[:, m]) for m in range(3)])
+        variance = np.column_stack([np.interp(self.axis, self.place, self.datum.variance[:, m]) for m in range(3)])
+        moved = np.where(self.other.valid[:, None], self.difference - drift, np.nan)
+        lateral, axial = along_pipe(moved, self.axes[0], self.axes[1])
+        noise, floors = [], {}
+        for name, values in (("lateral", lateral), ("up", moved[:, 2]), ("axial", axial)):
+            floor, floors[f"displacement {name}"] = floor_by_class(values, self.classes, self.stable)
+            noise.append(floor)
+        bridge = (self.model.walk * _BRIDGE**3 / 192.0)[[0, 2, 1]]  # lateral, axial, up
+        sigma = np.sqrt(self._east_north_up(*noise) ** 2 + variance + self._east_north_up(*np.sqrt(bridge[[0, 2, 1]])) ** 2)
+        across, along = along_pipe_sigma(sigma, self.axes[0], self.axes[1])
+        return np.column_stack([moved, lateral, axial]), np.column_stack([sigma, across, along]), floors
+
+    def _east_north_up(self, lateral, up, axial) -> Floats:
+        """Sigma of east, north, up from those along the pipe's axes."""
+        tangent = self.axes[0]
+        level = np.maximum(np.hypot(tangent[:, 0], tangent[:, 1]), 1e-9)
+        sine2 = (tangent[:, 0] / level) ** 2
+        east = np.sqrt(axial**2 * sine2 + lateral**2 * (1.0 - sine2))
+        north = np.sqrt(axial**2 * (1.0 - sine2) + lateral**2 * sine2)
+        return np.column_stack([east, north, np.broadcast_to(up, east.shape)])
+
+    def _coarse(self, values: Floats) -> Floats:
+        out = np.empty((self.place.size, values.shape[1]))
+        _kernels.block_means(np.ascontiguousarray(values), self.size, out)
+        return out
+
+    def _changes_of_curvature(self) -> None:
+        for name in ("horizontal", "vertical"):
+            change = curvature_change(self.reference, self.other, name, self.step, self.classes, self.stable)
+            if change is not None:
+                self.curvature[name] = change
+
+    def _fit(self) -> None:
+        stable = self.scan_usable & ~_inside(self.place, self.excluded, 0.0)
+        tangent, right, lift = self.scan_axes
+        step = float(self.place[1] - self.place[0])
+        self.model = drift_model(self.scan_difference, tangent, right, lift, step, stable)
+        if self.has_position:
+            self.datum = fit_drift(self.place, self.scan_difference, self.scan_axes, stable, self.model)
+
+    def _signals(self, centred: bool) -> Signals:
+        difference = self.scan_difference
+        gone = _inside(self.place, self.excluded, 0.0)
+        if centred and self.datum is not None:
+            difference = difference - self.datum.drift
+            difference = np.where((gone | ~np.isfinite(difference).all(axis=1))[:, None], 0.0, difference)
+        blank = np.full(self.axis.size, np.nan)
+        parts = [self.curvature.get(name) for name in ("horizontal", "vertical")]
+        ok = self.usable & ~_inside(self.axis, self.excluded, 0.0)
+        change = self._coarse(np.column_stack([np.where(ok, c.change, np.nan) if c else blank for c in parts]))
+        sigma = self._coarse(np.column_stack([np.where(ok, c.sigma, np.nan) if c else blank for c in parts]))
+        _, right, lift = self.scan_axes
+        return Signals(self.place, difference, right, lift, change, sigma, self.other.gauge_length, centred)
+
+    def _take(self, new: list[zones.Candidate]) -> None:
+        """Add candidates with the extent that the displacement shows once they carry no datum."""
+        if not new:
+            return
+        provisional = [(c.centre - 0.75 * c.length, c.centre + 0.75 * c.length) for c in new]
+        kept = list(self.excluded)
+        self.excluded = kept + provisional
+        self._fit()
+        size, sigma = self._size()
+        for c in new:
+            start, end, _ = zones.extent(self.place, size, sigma, c)
+            self.found.append(replace(c, start=start, end=end))
+            kept.append((start - self.options.zone_margin_m, end + self.options.zone_margin_m))
+        self.excluded = kept
+        self.stable = self.usable & ~_inside(self.axis, self.excluded, 0.0)
+
+    def _size(self) -> tuple[Floats, Floats]:
+        """Size of the displacement across the pipe, averaged over five metres, and its sigma."""
+        if self.datum is None:
+            zero = np.zeros(self.place.size)
+            return zero, np.ones(self.place.size)
+        moved = self.scan_difference - self.datum.drift
+        _, right, lift = self.scan_axes
+        lateral = np.einsum("ij,ij->i", moved, right) / np.maximum(np.linalg.norm(right, axis=1), 1e-9)
+        size = _smooth(np.hypot(lateral, moved[:, 2]), max(round(5.0 / (self.place[1] - self.place[0])), 1))
+        quiet = self.scan_usable & ~_inside(self.place, self.excluded, 0.0)
+        floor, _ = floor_by_class(size, np.full(size.size, -1), quiet)
+        return size, np.sqrt(floor**2 + self.datum.variance[:, :3].max(axis=1))
+
+
+def _strain_floor(change: CurvatureChange, other: Layer) -> dict[int, float]:
+    return {k: v * other.outside_diameter / 2.0 for k, v in change.floors.items()}
+
+
+def _ovality(reference: Layer, other: Layer, classes: Floats, stable: Floats, floors: dict):
+    if not (reference.has("ovality") and other.has("ovality")):
+        return None, None
+    change = other.values["ovality"] - reference.values["ovality"]
+    formal = np.hypot(*(run.values.get("ovality_sigma", np.ones_like(change)) for run in (reference, other)))
+    factor, _ = floor_by_class(change / formal, classes, stable)
+    floors["ovality"] = floor_by_class(change, classes, stable)[1]
+    return change, factor * formal
+
+
+def _inside(place: Floats, spans, margin: float) -> Floats:
+    inside = np.zeros(place.size, bool)
+    for start, end in spans:
+        inside |= (place >= start - margin) & (place <= end + margin)
+    return inside
+
+
+def _scan_axis(axis: Floats, size: int) -> Floats:
+    count = axis.size // size
+    return axis[0] + (np.arange(count) * size + 0.5 * (size - 1)) * (axis[1] - axis[0])
+
+
+def _smooth(values: Floats, width: int) -> Floats:
+    known = np.isfinite(values)
+    kernel = np.ones(width | 1)
+    weight = np.convolve(known.astype(float), kernel, mode="same")
+    total = np.convolve(np.where(known, values, 0.0), kernel, mode="same")
+    return np.where(weight > 0, total / np.maximum(weight, 1e-9), np.nan)

@@ -1,0 +1,237 @@
+"""Differences of position and curvature in, the amplitude of a movement of each wavelength at each place out, from both together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve
+
+from deform.change import _kernels
+from deform.change.datum import DriftModel
+from deform.geometry.resample import robust_sigma
+
+Floats = NDArray[Any]
+COMPONENTS = ("lateral", "up")
+_FLANK = 1.0  # of a wavelength: pipe on either side that serves as the local datum
+_TAPS = 48  # nodes over one wavelength, at most
+_WIDEST = 0.5  # of the line: longer waves are no longer told from the drift of the runs
+
+
+@dataclass(frozen=True)
+class Waves:
+    """Amplitudes of one wavelength on its own coarse axis.
+
+    Attributes
+    ----------
+    length : wavelength L of w = A/2 (1 + cos 2π(s - c)/L), |s - c| < L/2 (m).
+    place : (m,) centres c (m).
+    amplitude : (m, 2) best estimate of A, lateral and up (m).
+    sigma : (m, 2) its standard deviation.
+    position, curvature : (m, 2) the parts from position and from curvature alone, each with `_sigma`.
+    """
+
+    length: float
+    place: Floats
+    amplitude: Floats
+    sigma: Floats
+    position: Floats
+    position_sigma: Floats
+    curvature: Floats
+    curvature_sigma: Floats
+
+    @property
+    def statistic(self) -> Floats:
+        """Twice the log likelihood ratio of a movement against none, lateral and up together: chi-square with 2 degrees."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.nansum(np.where(self.sigma > 0, self.amplitude / self.sigma, np.nan) ** 2, axis=1)
+
+
+def wavelengths(shortest: float, longest: float, line_length: float) -> Floats:
+    """Return wavelengths (m) in steps of √2 that a line of this length can show."""
+    top = min(longest, _WIDEST * line_length / (1.0 + 2.0 * _FLANK))
+    count = int(np.floor(2.0 * np.log2(max(top / shortest, 1.0)))) + 1
+    return shortest * 2.0 ** (0.5 * np.arange(count))
+
+
+def position_weights(length: float, step: float, walk: float, noise: float) -> Floats:
+    """Return the weights that turn positions about a place into the amplitude of a movement there.
+
+    Parameters
+    ----------
+    length : wavelength (m).
+    step : spacing of the positions (m).
+    walk : intensity of the random walk of the relative heading (rad²/m).
+    noise : variance of one position (m²).
+
+    Notes
+    -----
+    Generalised least squares over 1.5 wavelengths on either side: A = w'M d / w'M w with M = K⁻¹ - K⁻¹X(X'K⁻¹X)⁻¹X'K⁻¹, X = (1, s),
+    and K the covariance of an integrated random walk and white noise. The pipe on either side is the datum; constant and linear
+    differences of the two runs have no part in the result.
+    """
+    half = max(round((0.5 + _FLANK) * length / step), 2)
+    x = np.arange(-half, half + 1) * step
+    t = x - x[0]
+    low, high = np.minimum.outer(t, t), np.maximum.outer(t, t)
+    cover = walk * (low**2 * high / 2.0 - low**3 / 6.0) + noise * np.eye(x.size)
+    shape = np.where(np.abs(x) < length / 2, 0.5 * (1.0 + np.cos(2.0 * np.pi * x / length)), 0.0)
+    trend = np.column_stack([np.ones_like(x), x / x[-1]])
+    solved = np.linalg.solve(cover, np.column_stack([shape, trend]))
+    ks, kx = solved[:, 0], solved[:, 1:]
+    weights = ks - kx @ np.linalg.solve(trend.T @ kx, trend.T @ ks)
+    return weights / (weights @ shape)
+
+
+def curvature_shape(length: float, step: float, gauge_length: float) -> Floats:
+    """Return the curvature (1/m) of a movement of amplitude 1 m, averaged over the gauge length, on a regular grid."""
+    half = max(round(0.5 * length / step), 2)
+    x = np.arange(-half, half + 1) * step
+    inside = np.where(np.abs(x) <= length / 2, 1.0, 0.0)
+    loss = np.sinc(gauge_length / length) if np.isfinite(gauge_length) else 1.0
+    return -0.5 * (2.0 * np.pi / length) ** 2 * np.cos(2.0 * np.pi * x / length) * inside * loss
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What the search for movement looks at, on the scan axis.
+
+    Attributes
+    ----------
+    place : (n,) regular scan axis (m).
+    difference : (n, 3) run minus reference, east, north, up (m); NaN where unknown.
+    right, lift : (n, 3) axes of the reference pipe.
+    curvature : (n, 2) change of horizontal and vertical curvature (1/m), NaN where unknown.
+    curvature_sigma : (n, 2) its standard deviation.
+    gauge_length : of the curvature (m).
+    centred : true when the drift of the two runs is already out of the difference, so that beyond the ends it is zero.
+    """
+
+    place: Floats
+    difference: Floats
+    right: Floats
+    lift: Floats
+    curvature: Floats
+    curvature_sigma: Floats
+    gauge_length: float
+    centred: bool = False
+
+    @property
+    def step(self) -> float:
+        """Spacing of the scan axis (m)."""
+        return float(self.place[1] - self.place[0])
+
+
+def scan(signals: Signals, model: DriftModel, lengths: Floats, quiet: Floats) -> list[Waves]:
+    """Return the amplitude of a movement of every wavelength at every place.
+
+    Parameters
+    ----------
+    signals : differences on the scan axis.
+    model : statistics of the drift between the runs.
+    lengths : wavelengths (m).
+    quiet : (n,) true where the pipe may serve for the noise floor.
+
+    Notes
+    -----
+    Position and curvature are combined by their variances. The variance of each is not that of a model: it is the robust spread
+    (1.4826 MAD, widened where few independent places carry it) of the amplitudes themselves over the quiet pipe of this pair.
+    """
+    return [_wave(signals, model, float(length), quiet) for length in lengths]
+
+
+def _wave(signals: Signals, model: DriftModel, length: float, quiet: Floats) -> Waves:
+    size = max(int(length / _TAPS / signals.step), 1)
+    step = size * signals.step
+    count = len(signals.place) // size
+    columns = np.column_stack([signals.difference, signals.right, signals.lift, signals.place, quiet])
+    node = np.empty((count, columns.shape[1]))
+    _kernels.block_means(columns, size, node)
+    at, still = node[:, 9], node[:, 10] > 0.99
+    position = _from_position(node, model, length, step, signals.centred)
+    curvature, weight = _from_curvature(signals, length, size, count)
+    free = still & ~_near(~still, round(0.5 * length / step))
+    position_sigma = np.column_stack([np.full(count, _floor(position[:, m], free, length, step)) for m in range(2)])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        formal = 1.0 / np.sqrt(weight)
+        factor = [_floor(curvature[:, m] / formal[:, m], free, length, step) for m in range(2)]
+        curvature_sigma = formal * np.where(np.isfinite(factor), np.maximum(factor, 0.3), np.nan)
+        known_p, known_c = (
+            np.isfinite(position) & np.isfinite(position_sigma),
+            np.isfinite(curvature) & np.isfinite(curvature_sigma),
+        )
+        wp, wc = np.where(known_p, position_sigma**-2.0, 0.0), np.where(known_c, curvature_sigma**-2.0, 0.0)
+        total = wp + wc
+        amplitude = (np.where(known_p, position, 0.0) * wp + np.where(known_c, curvature, 0.0) * wc) / total
+        sigma = 1.0 / np.sqrt(total)
+    return Waves(length, at, amplitude, sigma, position, position_sigma, curvature, curvature_sigma)
+
+
+def _from_position(node: Floats, model: DriftModel, length: float, step: float, centred: bool) -> Floats:
+    """Amplitudes (m, 2) from positions; NaN within 1.5 wavelengths of unknown pipe."""
+    out = np.full((len(node), 2), np.nan)
+    value = node[:, :3]
+    if not np.isfinite(value).any():
+        return out
+    unknown = ~np.isfinite(value).all(axis=1)
+    filled = np.nan_to_num(value)
+    found = []
+    for walk, noise in ((model.walk[0], model.noise[0]), (model.walk[1], model.noise[1])):
+        weights = position_weights(length, step, walk, noise * model.step / step)
+        if weights.size > len(node):
+            return out
+        found.append(np.column_stack([fftconvolve(filled[:, m], weights[::-1], mode="same") for m in range(3)]))
+    half = weights.size // 2
+    if not centred:
+        unknown[:1] = unknown[-1:] = True
+    gone = _near(unknown, half)
+    right = node[:, 3:6] / np.maximum(np.linalg.norm(node[:, 3:6], axis=1, keepdims=True), 1e-9)
+    out[:, 0] = np.einsum("ij,ij->i", found[0], right)
+    out[:, 1] = np.einsum("ij,ij->i", found[1], node[:, 6:9])
+    out[gone] = np.nan
+    return out
+
+
+def _from_curvature(signals: Signals, length: float, size: int, count: int) -> tuple[Floats, Floats]:
+    """Amplitudes (m, 2) from curvature and their formal weights (1/m²)."""
+    amplitude, weight = np.full((count, 2), np.nan), np.full((count, 2), np.nan)
+    if not np.isfinite(signals.curvature).any():
+        return amplitude, weight
+    shape = curvature_shape(length, signals.step, signals.gauge_length)
+    if shape.size > len(signals.place):
+        return amplitude, weight
+    centre = np.minimum(np.arange(count) * size + size // 2, len(signals.place) - 1)
+    for m in range(2):
+        known = np.isfinite(signals.curvature[:, m]) & (signals.curvature_sigma[:, m] > 0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            each = np.where(known, signals.curvature_sigma[:, m] ** -2.0, 0.0)
+        top = fftconvolve(np.where(known, signals.curvature[:, m], 0.0) * each, shape[::-1], mode="same")[centre]
+        bottom = np.maximum(fftconvolve(each, shape**2, mode="same")[centre], 0.0)
+        full = np.sum(shape**2) * np.median(each[known]) if known.any() else np.inf
+        with np.errstate(invalid="ignore", divide="ignore"):
+            weight[:, m] = np.where(bottom > 0.02 * full, bottom, np.nan)
+            amplitude[:, m] = top / weight[:, m]
+    return amplitude, weight
+
+
+def _floor(values: Floats, free: Floats, length: float, step: float) -> float:
+    """Robust spread over quiet pipe, widened for the number of independent places that carry it."""
+    chosen = values[free & np.isfinite(values)]
+    if chosen.size < 4:
+        chosen = values[np.isfinite(values)]
+    if chosen.size < 4:
+        return float("nan")
+    independent = max(chosen.size * step / length, 1.0)
+    spread = max(float(robust_sigma(np.concatenate([chosen, -chosen]))), 1e-12)
+    return spread * (1.0 + 1.2 / np.sqrt(2.0 * independent))
+
+
+def _near(flag: Floats, reach: int) -> Floats:
+    """True within ``reach`` places of a flag."""
+    if reach < 1 or not flag.any():
+        return flag.copy()
+    summed = np.concatenate([[0], np.cumsum(flag)])
+    index = np.arange(flag.size)
+    return summed[np.minimum(index + reach + 1, flag.size)] > summed[np.maximum(index - reach, 0)]

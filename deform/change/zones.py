@@ -1,0 +1,134 @@
+"""Amplitudes of every wavelength in, stretches of pipe that moved out, with the rate of false alarms that the threshold keeps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from deform.change.wavelength import Waves
+
+Floats = NDArray[Any]
+_TESTS_PER_WAVELENGTH = 4.0  # independent looks per wavelength of pipe and per scale; held by the false-alarm study
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One stretch whose change is significant in one run.
+
+    Attributes
+    ----------
+    centre, length : of the best fitting wave (m).
+    start, end : extent (m).
+    statistic : twice the log likelihood ratio.
+    amplitude, sigma : (2,) lateral and up of the best wave (m).
+    position_score, curvature_score : what position and curvature alone say (chi-square).
+    """
+
+    centre: float
+    length: float
+    start: float
+    end: float
+    statistic: float
+    amplitude: Floats
+    sigma: Floats
+    position_score: float
+    curvature_score: float
+
+
+def threshold(lengths: Floats, false_alarms_per_100_km: float) -> float:
+    """Return the value that twice the log likelihood ratio exceeds so often on pipe that did not move.
+
+    Notes
+    -----
+    The chance of one look is the rate over the number of independent looks in 100 km, four per wavelength and scale (Bonferroni);
+    lateral and up together are chi-square with two degrees of freedom.
+    """
+    looks = float(np.sum(_TESTS_PER_WAVELENGTH * 1e5 / np.asarray(lengths)))
+    return float(chi2.isf(false_alarms_per_100_km / looks, 2))
+
+
+def peaks(waves: list[Waves], limit: float, blocked: list[tuple[float, float]]) -> list[Candidate]:
+    """Return the strongest waves above a limit; one that lies in the flanks of a stronger one waits for the next round.
+
+    Parameters
+    ----------
+    waves : amplitudes of every wavelength.
+    limit : least statistic.
+    blocked : stretches already explained.
+    """
+    rows = []
+    for wave in waves:
+        score = wave.statistic
+        for i in np.flatnonzero(_crests(score) & (score > limit)):
+            rows.append((float(score[i]), wave, int(i)))
+    rows.sort(key=lambda row: -row[0])
+    found: list[Candidate] = []
+    for score, wave, i in rows:
+        at, half = wave.place[i], 0.5 * wave.length
+        if any(start < at + 0.5 * half and end > at - 0.5 * half for start, end in blocked):
+            continue
+        if any(abs(at - c.centre) < 1.5 * max(wave.length, c.length) + 0.5 * min(wave.length, c.length) for c in found):
+            continue
+        found.append(_candidate(score, wave, i))
+    return found
+
+
+def _crests(score: Floats) -> Floats:
+    """True at local maxima of a curve, NaN counting as nothing."""
+    level = np.nan_to_num(score, nan=-np.inf)
+    padded = np.concatenate([[-np.inf], level, [-np.inf]])
+    return (level >= padded[:-2]) & (level > padded[2:]) & np.isfinite(level)
+
+
+def _candidate(score: float, wave: Waves, i: int) -> Candidate:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        alone = [
+            float(np.nansum((part[i] / sigma[i]) ** 2))
+            for part, sigma in ((wave.position, wave.position_sigma), (wave.curvature, wave.curvature_sigma))
+        ]
+    half = 0.5 * wave.length
+    at = float(wave.place[i])
+    return Candidate(at, wave.length, at - half, at + half, score, wave.amplitude[i], wave.sigma[i], alone[0], alone[1])
+
+
+def extent(place: Floats, size: Floats, sigma: Floats, candidate: Candidate) -> tuple[float, float, bool]:
+    """Return where a movement begins and ends (m), and whether the displacement itself shows it.
+
+    Parameters
+    ----------
+    place : (n,) scan axis (m).
+    size : (n,) size of the displacement, lateral and up together (m).
+    sigma : (n,) its standard deviation (m).
+    candidate : the wave that was found.
+
+    Notes
+    -----
+    Hysteresis: from the peak within the wave outward, until the displacement stays below 2 σ, or below a twentieth of the peak where
+    that is more, for five metres. Where the displacement does not reach 3 σ the wave itself is the extent.
+    """
+    inside = (place >= candidate.centre - 0.6 * candidate.length) & (place <= candidate.centre + 0.6 * candidate.length)
+    level = np.where(inside, np.nan_to_num(size), 0.0)
+    top = int(np.argmax(level))
+    if not level[top] > 3.0 * sigma[top]:
+        return candidate.centre - 0.5 * candidate.length, candidate.centre + 0.5 * candidate.length, False
+    low = np.maximum(2.0 * sigma, 0.05 * level[top])
+    step = place[1] - place[0]
+    reach, widest = max(round(5.0 / step), 1), round(1.5 * candidate.length / step)
+    over = np.nan_to_num(size) > low
+    ends = []
+    for sign in (-1, 1):
+        last = top
+        for k in range(1, widest):
+            i = top + sign * k
+            if i < 0 or i >= place.size:
+                break
+            if over[i]:
+                last = i
+            elif abs(i - last) > reach:
+                break
+        ends.append(float(place[last]))
+    return ends[0], ends[1], True
