@@ -1,0 +1,115 @@
+"""The wall map of a run in, the closed surface of the pipe round a dent out, in the same frame in every year."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from deform.mesh.surface import Surface, steel
+from deform.options import MeshOptions
+
+FRAME = "x downstream from the apex, y to the right looking downstream, z up; origin on the pipe's axis at the apex"
+
+
+def read_window(path: Path, chainage: float, half_length: float) -> xr.Dataset | None:
+    """Return group ``/caliper`` of a run within ``half_length`` (m) of a chainage (m); None with fewer than five scans there."""
+    engine = "zarr" if Path(path).suffix == ".zarr" else "netcdf4"
+    try:
+        with xr.open_dataset(path, engine=engine, group="caliper", decode_times=False) as wall:
+            first, last = np.searchsorted(
+                np.asarray(wall["chainage"].values, float), [chainage - half_length, chainage + half_length]
+            )
+            return wall.isel(scan=slice(int(first), int(last))).load() if last - first >= 5 else None
+    except (OSError, KeyError, ValueError):
+        return None
+
+
+def half_length(length_m: float, options: MeshOptions) -> float:
+    """Return half the axial extent (m) of the surface of a dent of this length (m)."""
+    longest = length_m if np.isfinite(length_m) else 0.0
+    return float(np.clip(1.5 * longest, options.least_half_length_m, options.most_half_length_m))
+
+
+def dent_surface(
+    window: xr.Dataset,
+    chainage: float,
+    half: float,
+    *,
+    wall_thickness: float,
+    options: MeshOptions,
+    before: xr.Dataset | None = None,
+) -> Surface:
+    """Return the pipe round a dent as a closed surface.
+
+    Parameters
+    ----------
+    window : ``radius(scan, clock)`` and ``chainage(scan)`` in metre, from `read_window`.
+    chainage : of the apex in this run, metre.
+    half : half the axial extent, metre.
+    wall_thickness : of the steel, metre; the outer wall is the inner one moved outward by it.
+    options : steps, colour and exaggeration.
+    before : with ``colour = "change"`` the depths of an earlier run on the same grid (``depth(distance, clock)``).
+
+    Notes
+    -----
+    Depth is the undamaged radius (``reference_radius``, else the median of the window) minus the radius, positive inward. With an
+    exaggeration of q the drawn radius is reference - q · depth; the sidecar says so.
+    """
+    depth = depth_grid(window, chainage, half, options)
+    distance, clock = depth["distance"].values, np.radians(depth["clock"].values)
+    reference = depth.attrs["radius_m"]
+    inner = reference - options.exaggeration * depth.values
+    points = [_ring_points(distance, clock, radius) for radius in (inner, inner + wall_thickness)]
+    value = depth.values
+    if options.colour == "change":
+        value = depth.values - before.values if before is not None else np.zeros_like(depth.values)
+    meaning = {
+        "unit": "m",
+        "frame": FRAME,
+        "clock": "0 at the top (z), clockwise looking downstream (towards y)",
+        "apex_chainage_m": float(chainage),
+        "reference_radius_m": float(reference),
+        "wall_thickness_m": float(wall_thickness),
+        "depth_exaggeration": float(options.exaggeration),
+        "colour": {
+            "shows": options.colour,
+            "unit": "m",
+            "positive": "inward",
+            "low": float(value.min()),
+            "high": float(value.max()),
+        },
+    }
+    return steel(points[0], points[1], value, meaning)
+
+
+def depth_grid(window: xr.Dataset, chainage: float, half: float, options: MeshOptions) -> xr.DataArray:
+    """Return ``depth(distance, clock)`` (m, positive inward) on a regular grid; scans and arms that gave nothing are bridged."""
+    values = np.asarray(window["radius"].transpose("scan", "clock").values, float)
+    clock = (
+        np.asarray(window["clock"].values, float) if "clock" in window else np.arange(values.shape[1]) * 360.0 / values.shape[1]
+    )
+    places = np.asarray(window["chainage"].values, float)
+    around = max(values.shape[1], options.least_points_around)
+    wanted = np.arange(around) * 360.0 / around
+    rings = np.stack([_around(clock, row, wanted) for row in values])
+    good = np.isfinite(rings).all(1)
+    rows = max(round(2 * half / options.step_m) + 1, options.least_rows)
+    distance = np.linspace(max(-half, places[good][0] - chainage), min(half, places[good][-1] - chainage), rows)
+    grid = np.stack([np.interp(chainage + distance, places[good], column) for column in rings[good].T], axis=1)
+    reference = float(np.nanmedian(window["reference_radius"].values)) if "reference_radius" in window else float(np.median(grid))
+    coords = {"distance": distance, "clock": wanted}
+    return xr.DataArray(reference - grid, dims=("distance", "clock"), coords=coords, attrs={"radius_m": reference, "units": "m"})
+
+
+def _around(clock: np.ndarray, row: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    good = np.isfinite(row)
+    if good.sum() < 3:
+        return np.full(wanted.size, np.nan)
+    return np.interp(wanted, clock[good], row[good], period=360.0)
+
+
+def _ring_points(distance: np.ndarray, clock: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    x = np.broadcast_to(distance[:, None], radius.shape)
+    return np.stack([x, radius * np.sin(clock), radius * np.cos(clock)], axis=-1)

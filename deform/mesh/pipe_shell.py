@@ -1,0 +1,95 @@
+"""The centreline of a zone and its displacement in, the pipe as a closed surface out, in one frame for all runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from deform.mesh.surface import Surface, steel
+from deform.options import MeshOptions
+
+_EARTH_RADIUS_M = 6_371_008.8
+_STEP_M = 0.5
+_AROUND = 36
+_MARGIN_M = 20.0
+
+
+def zone_shell(
+    reference: xr.DataTree, comparison: xr.Dataset, run: str, start_m: float, end_m: float, options: MeshOptions
+) -> Surface | None:
+    """Return the pipe of a zone in one run, moved by its displacement times the exaggeration.
+
+    Parameters
+    ----------
+    reference : the reference run (attributes and group ``/centreline``).
+    comparison : content of ``comparison.nc``.
+    run : epoch whose displacement is drawn.
+    start_m, end_m : of the zone on the reference chainage, metre; 20 m are added on both sides.
+    options : ``shell_exaggeration`` multiplies the displacement.
+
+    Returns
+    -------
+    Surface or None
+        x east, y north, z up from the middle of the zone, metre; the value is the size of the displacement (m). None when the
+        reference run has no coordinates there.
+    """
+    centreline = reference["centreline"].to_dataset() if "centreline" in reference.children else None
+    if centreline is None or "latitude" not in centreline:
+        return None
+    s = np.arange(start_m - _MARGIN_M, end_m + _MARGIN_M + _STEP_M, _STEP_M)
+    own = centreline["chainage"].values
+    latitude, longitude, height = (
+        np.interp(s, own, centreline[n].values, left=np.nan, right=np.nan) for n in ("latitude", "longitude", "height")
+    )
+    good = np.isfinite(latitude + longitude + height)
+    if good.sum() < 5:
+        return None
+    s, latitude, longitude, height = s[good], latitude[good], longitude[good], height[good]
+    middle = s.size // 2
+    scale = np.radians(1.0) * _EARTH_RADIUS_M
+    east = (longitude - longitude[middle]) * scale * np.cos(np.radians(latitude[middle]))
+    path = np.stack([east, (latitude - latitude[middle]) * scale, height - height[middle]], axis=1)
+    moved = displacement(comparison, run, s)
+    path = path + options.shell_exaggeration * moved
+    outer = float(reference.attrs.get("outside_diameter_m", 0.5)) / 2
+    inner = outer - float(reference.attrs.get("nominal_wall_m", 0.01))
+    size = np.linalg.norm(moved, axis=1)
+    meaning = {
+        "unit": "m",
+        "frame": "x east, y north, z up from the middle of the zone; the same in every run",
+        "origin": {
+            "latitude_deg": float(latitude[middle]),
+            "longitude_deg": float(longitude[middle]),
+            "height_m": float(height[middle]),
+        },
+        "run": run,
+        "start_m": float(s[0]),
+        "end_m": float(s[-1]),
+        "displacement_exaggeration": float(options.shell_exaggeration),
+        "colour": {"shows": "displacement", "unit": "m", "low": float(size.min()), "high": float(size.max())},
+    }
+    walls = [_tube(path, radius) for radius in (inner, outer)]
+    return steel(walls[0], walls[1], np.repeat(size[:, None], _AROUND, axis=1), meaning)
+
+
+def displacement(comparison: xr.Dataset, run: str, s: np.ndarray) -> np.ndarray:
+    """Return the displacement (n, 3) east, north, up (m) of a run at reference chainages (n,); zero where it is not known."""
+    k = [str(name) for name in comparison["epoch"].values].index(run)
+    at, parts = comparison["chainage"].values, []
+    for name in ("east", "north", "up"):
+        values = comparison[f"displacement_{name}"].values[k] if f"displacement_{name}" in comparison else np.zeros(at.size)
+        parts.append(np.interp(s, at, np.nan_to_num(values)))
+    return np.stack(parts, axis=1)
+
+
+def _tube(path: np.ndarray, radius: float) -> np.ndarray:
+    """Return points (n, around, 3) on circles across a path: clockwise looking along it, the first one on top."""
+    along = np.gradient(path, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    right = np.cross(along, [0.0, 0.0, 1.0])
+    right /= np.maximum(np.linalg.norm(right, axis=1, keepdims=True), 1e-9)
+    up = np.cross(right, along)
+    angle = np.arange(_AROUND) * 2 * np.pi / _AROUND
+    return path[:, None, :] + radius * (
+        right[:, None, :] * np.sin(angle)[None, :, None] + up[:, None, :] * np.cos(angle)[None, :, None]
+    )
