@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from deform.geometry._kernels import gravity, radii, rotate, turn_left, turn_right
+from deform.geometry._kernels import EARTH_RATE, gravity, radii, rotate, turn_left, turn_right
 
 # One row of the table of epochs: integrals over the epoch in the body axes of its beginning, frozen in inertial space.
 TURN = 0  # 9: matrix, body at the end to body at the beginning
@@ -20,7 +20,8 @@ FORCE_BY_AXIS = 42  # 9: the same with velocity increments, Jacobian to the acce
 DURATION = 51  # s
 TRAVEL = 52  # m, by the odometer
 GAP = 53  # s without samples inside the epoch
-COLUMNS = 54
+SENSE = 54  # +1, or -1 for an epoch that is run through backwards in time
+COLUMNS = 55
 
 # Rows of the table of compensation: maker's model of one sensor axis per column, then the mounting.
 GYRO_DRIFT, GYRO_SCALE, GYRO_ASYMMETRY, UNBALANCE_SPIN, UNBALANCE_INPUT, SPIN_AXIS = 0, 1, 2, 3, 4, 5
@@ -87,6 +88,7 @@ def preintegrate(time, gyro, accel, gyro_pulse, accel_pulse, K, distance, bounds
         R = np.eye(3)
         row = table[k]
         row[:] = 0.0
+        row[SENSE] = 1.0
         v0 = v1 = v2 = x0 = x1 = x2 = 0.0
         first = bounds[k]
         dt = max(time[first] - time[first - 1], 1e-9) if first > 0 else 1.0
@@ -144,13 +146,13 @@ def preintegrate(time, gyro, accel, gyro_pulse, accel_pulse, K, distance, bounds
 
 
 @njit(cache=True, error_model="numpy")
-def navigation_rates(latitude, height, ve, vn):
-    """Earth rate and transport rate (east, north, up) without the prime-vertical radius computed twice; and both radii with height."""
+def navigation_rates(latitude, height, ve, vn, sense):
+    """North and up of the earth's rate (turned when time runs back), transport rate (east, north, up), both radii with height."""
     meridian, normal = radii(latitude)
     meridian += height
     normal += height
-    north = 7.292115e-5 * math.cos(latitude)
-    up = 7.292115e-5 * math.sin(latitude)
+    north = sense * EARTH_RATE * math.cos(latitude)
+    up = sense * EARTH_RATE * math.sin(latitude)
     around = ve / normal
     return north, up, -vn / meridian, around, around * math.tan(latitude), meridian, normal
 
@@ -171,7 +173,7 @@ def advance(row, place, v, C, place_after, v_after, C_after):
     # middle of the epoch for rates, gravity and Coriolis
     me, mn, mu = ve + 0.5 * f0, vn + 0.5 * f1, vu + 0.5 * (f2 - g * T)
     middle_latitude = place[0] + 0.5 * T * vn / 6.37e6
-    north, up, t0, t1, t2, meridian, normal = navigation_rates(middle_latitude, place[2] + 0.5 * T * vu, me, mn)
+    north, up, t0, t1, t2, meridian, normal = navigation_rates(middle_latitude, place[2] + 0.5 * T * vu, me, mn, row[SENSE])
     g = gravity(middle_latitude, place[2] + 0.5 * T * vu)
     z0, z1, z2 = t0 * T, (t1 + north) * T, (t2 + up) * T
     c0, c1, c2 = t0, t1 + 2.0 * north, t2 + 2.0 * up
@@ -243,9 +245,9 @@ def correct_row(row, gyro_bias, accel_bias, gyro_scale, accel_scale, out):
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, longest_gap, table, states, wanted, offsets, out):
-    """Fill out (output, 12): place, velocity, attitude (azimuth, pitch, roll), share of the epoch passed, epoch, speed along body y.
+    """Fill out (output, 12): place, velocity, azimuth, pitch, roll, share of the epoch passed, epoch, speed along body y.
 
-    ``states`` (epoch + 1, 24): place, velocity, matrix, biases of gyro and accelerometer, their scale errors at the epochs' ends.
+    ``states`` (epoch + 1, 27 or more): place, velocity, matrix, biases of gyro and accelerometer, their scale errors at the epochs' ends.
     ``wanted`` are sample indices, ``offsets[k]`` the first of them at or behind bounds[k]. Inside an epoch the counts are
     integrated from its beginning; what then is missing at its end is laid on linearly.
     """
@@ -267,6 +269,7 @@ def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, longest_gap, t
         r0, r1, r2 = 0.5 * (D[2, 1] - D[1, 2]), 0.5 * (D[0, 2] - D[2, 0]), 0.5 * (D[1, 0] - D[0, 1])
         total = table[k, DURATION]
         row[:] = 0.0
+        row[SENSE] = 1.0
         R = np.eye(3)
         v0 = v1 = v2 = x0 = x1 = x2 = passed = 0.0
         first = bounds[k]

@@ -7,7 +7,7 @@ import math
 from numba import njit
 
 from deform.geometry._kernels import rotate, turn_left
-from deform.nav._kernels import ATTITUDE_TRAVEL, DURATION, navigation_rates, shift_place
+from deform.nav._kernels import ATTITUDE_TRAVEL, DURATION, SENSE, navigation_rates, shift_place
 
 
 @njit(cache=True, error_model="numpy")
@@ -31,7 +31,9 @@ def reckon(table, place, C, mounting, scale, places, attitudes, steps):
             places[k + 1, j] = places[k, j]
         shift_place(places[k + 1], s0, s1, s2)
         T = row[DURATION]
-        north, up, t0, t1, t2, _, _ = navigation_rates(0.5 * (places[k, 0] + places[k + 1, 0]), places[k, 2], s0 / T, s1 / T)
+        north, up, t0, t1, t2, _, _ = navigation_rates(
+            0.5 * (places[k, 0] + places[k + 1, 0]), places[k, 2], s0 / T, s1 / T, row[SENSE]
+        )
         for i in range(3):
             for j in range(3):
                 C1[i, j] = C0[i, 0] * row[j] + C0[i, 1] * row[3 + j] + C0[i, 2] * row[6 + j]

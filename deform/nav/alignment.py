@@ -13,8 +13,9 @@ from deform.errors import Fault, InputError
 from deform.geometry import earth
 from deform.geometry.rotation import matrix_to_attitude
 from deform.nav import _kernels
-from deform.nav.strapdown import Counts
-from deform.run.raw import ImuHeader
+from deform.nav.aiding import TravelAid
+from deform.nav.strapdown import Counts, Epochs
+from deform.run.raw import ImuHeader, RunHeader
 
 Floats = NDArray[np.float64]
 log = logging.getLogger(__name__)
@@ -135,3 +136,13 @@ def _axis_fault(rate: Floats, up: Floats, expected: float, doubt: float, vertica
             "imu.nc", f"axis {axis}", said + f"; gyro or accelerometer axis {axis} looks reversed", "check sensor_to_body"
         )
     return Fault("imu.nc", "gyro_count", said, "check gyro_pulse_rad, sensor_to_body and the latitude of the launch")
+
+
+def align(counts: Counts, epochs: Epochs, travel: TravelAid, header: RunHeader) -> Alignment:
+    """Return the attitude at the first bound, by the way that the data allow."""
+    moving = np.flatnonzero(~travel.stationary)
+    end = int(epochs.bounds[moving[0]]) if moving.size else int(epochs.bounds[-1])
+    launch = header.launch
+    if header.launch.static_s > 0:
+        end = min(end, int(np.searchsorted(counts.time, counts.time[0] + launch.static_s)))
+    return static_alignment(counts, 0, end, launch.latitude_deg, launch.height_m, header.imu)

@@ -1,0 +1,144 @@
+"""A solution on epochs and the counts in; trajectory, markers and diagnostics as datasets out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from deform.nav import _kernels, _kernels_filter
+from deform.nav.alignment import Alignment
+from deform.nav.odometer import OdometerSolution
+from deform.nav.solution import NO_WEIGHT, Solution
+from deform.nav.strapdown import Counts
+from deform.nav.trajectory import decimation, trajectory
+from deform.options import NavigationOptions
+from deform.run import build
+from deform.run.raw import RawRun
+
+Floats = NDArray[np.float64]
+MOST_EPOCHS = 20_000  # rows of the diagnostics
+
+
+def trajectory_dataset(
+    raw: RawRun, counts: Counts, solution: Solution, wheels: OdometerSolution, options: NavigationOptions
+) -> xr.Dataset:
+    """Return the group ``trajectory``: the counts integrated once more inside each epoch, from and to its smoothed states."""
+    epochs, states = solution.problem.epochs, solution.smoothed.states
+    step = decimation(raw.header.imu.rate_hz, options)
+    wanted = np.arange(0, counts.time.size, step)
+    if wanted[-1] != counts.time.size - 1:
+        wanted = np.append(wanted, counts.time.size - 1)
+    out = np.empty((wanted.size, 12))
+    offsets = np.searchsorted(wanted, epochs.bounds[:-1])
+    _kernels.expand(*counts.arguments, epochs.bounds, counts.longest_gap, epochs.table, states, wanted, offsets, out)
+    time = counts.time[wanted]
+    stationary = wheels.stationary[1:][wanted]
+    values: dict[str, Any] = {
+        "time": time,
+        "log_distance": wheels.distance[1:][wanted],
+        "latitude": np.degrees(out[:, 0]),
+        "longitude": np.degrees(out[:, 1]),
+        "height": out[:, 2],
+        "azimuth": np.degrees(out[:, 6]) % 360.0,
+        "pitch": np.degrees(out[:, 7]),
+        "roll": np.degrees(out[:, 8]),
+        "velocity_east": out[:, 3],
+        "velocity_north": out[:, 4],
+        "velocity_up": out[:, 5],
+        "speed": np.where(stationary, 0.0, np.linalg.norm(out[:, 3:6], axis=1)),
+        "stationary": stationary,
+    }
+    values |= {name: np.interp(time, epochs.time, sigma) for name, sigma in sigmas(solution).items()}
+    return trajectory(values, raw.header, raw.passages, raw.weld_events)
+
+
+def sigmas(solution: Solution) -> dict[str, Floats]:
+    """Standard deviations at the epochs: position (m), chainage (m), azimuth and pitch (degree)."""
+    sigma, matrix = solution.smoothed.sigma, solution.smoothed.states[:, 6:15].reshape(-1, 3, 3)
+    forward = matrix[:, :, 1]
+    level = np.maximum(np.hypot(forward[:, 0], forward[:, 1]), 1e-3)
+    along = np.sqrt(np.sum((forward * sigma[:, :3]) ** 2, axis=1))
+    east, north = forward[:, 0] / level, forward[:, 1] / level  # horizontal part of the forward axis
+    return {
+        "east_sigma": sigma[:, 0],
+        "north_sigma": sigma[:, 1],
+        "up_sigma": sigma[:, 2],
+        "chainage_sigma": along,
+        "azimuth_sigma": np.degrees(
+            np.hypot(sigma[:, 8], np.hypot(sigma[:, 6] * east, sigma[:, 7] * north) * forward[:, 2] / level)
+        ),
+        "pitch_sigma": np.degrees(np.hypot(sigma[:, 6] * north, sigma[:, 7] * east)),
+    }
+
+
+def marker_dataset(
+    raw: RawRun, passages: xr.Dataset, solution: Solution, line: xr.Dataset, remarks: dict[int, str]
+) -> xr.Dataset:
+    """Return the group ``markers``: misclosures before (without the mark itself) and after, and what is wrong with it."""
+    marks, n = solution.problem.marks, passages.sizes["marker"]
+    own = marks.index < n
+    before, after, used = np.full((n, 3), np.nan), np.full((n, 3), np.nan), np.zeros(n, bool)
+    before[marks.index[own]], after[marks.index[own]] = solution.left_out[own], solution.closed[own]
+    used[marks.index[own]] = marks.weight[own] > NO_WEIGHT
+    time = passages["time"].values
+    values: dict[str, Any] = {str(name): passages[name].values for name in passages.variables}
+    values["chainage"] = np.interp(time, line["time"].values, line["chainage"].values, left=np.nan, right=np.nan)
+    for i, axis in enumerate(("east", "north", "up")):
+        values[f"misclosure_{axis}_before"], values[f"misclosure_{axis}_after"] = before[:, i], after[:, i]
+    remark = [remarks.get(i, "passage not heard" if np.isnan(time[i]) else "") for i in range(n)]
+    return build.dataset("markers", {**values, "used": used, "remark": remark})
+
+
+def diagnostics_dataset(solution: Solution, aligned: Alignment, reckoning: Floats | None) -> xr.Dataset:
+    """Return the group ``navigation``."""
+    problem, smoothed = solution.problem, solution.smoothed
+    keep = slice(None, None, max(1, -(-problem.epochs.time.size // MOST_EPOCHS)))
+    model, k = problem.model, _kernels_filter
+    values: dict[str, Any] = {"time": problem.epochs.time[keep]}
+    per_hour = np.degrees(1.0) * 3600.0
+    values |= _with_sigma("gyro_bias", smoothed.states[keep, k.GYRO_BIAS : k.GYRO_BIAS + 3] * per_hour,
+                          smoothed.sigma[keep, model.index("gyro_bias")] * per_hour)  # fmt: skip
+    values |= _with_sigma("accel_bias", smoothed.states[keep, k.ACCEL_BIAS : k.ACCEL_BIAS + 3],
+                          smoothed.sigma[keep, model.index("accel_bias")])  # fmt: skip
+    if model.at[k.B_SCALE] >= 0:
+        values |= _with_sigma("odometer_scale", smoothed.states[keep, k.SCALE], smoothed.sigma[keep, model.index("scale")][:, 0])
+    if model.at[k.B_MOUNTING] >= 0:
+        mounting, sigma = (
+            np.degrees(smoothed.states[-1, k.MOUNTING :][:2]),
+            np.degrees(smoothed.sigma[-1, model.index("mounting")]),
+        )
+        values |= _with_sigma("mounting_azimuth", mounting[0], sigma[0]) | _with_sigma("mounting_pitch", mounting[1], sigma[1])
+    if model.at[k.B_DELAY] >= 0:
+        values |= _with_sigma("delay", smoothed.states[-1, k.DELAY], smoothed.sigma[-1, model.index("delay")][0])
+    for i, name in enumerate(("pitch", "roll", "azimuth")):
+        angle = dict(zip(("azimuth", "pitch", "roll"), aligned.angles, strict=True))[name]
+        values |= _with_sigma(f"alignment_{name}", angle, float(np.degrees(aligned.sigma[i])))
+    values |= _innovations(solution)
+    if reckoning is not None:
+        values |= {f"reckoning_{axis}": reckoning[keep, i] for i, axis in enumerate(("east", "north", "up"))}
+    return build.dataset("navigation", values, error_model=model.name, alignment_method=aligned.method)
+
+
+def _with_sigma(name: str, value: Any, sigma: Any) -> dict[str, Any]:
+    return {name: value, f"{name}_sigma": sigma}
+
+
+def _innovations(solution: Solution) -> dict[str, Any]:
+    news, still = solution.filtered.news, solution.problem.travel.stationary
+    kinds: dict[str, Floats] = {}
+    for i, axis in enumerate(("along", "right", "up")):
+        kinds[f"travel {axis}"] = news[~still, i]
+    kinds["rest"] = news[still].ravel()
+    m = solution.filtered.mark_news
+    for i, axis in enumerate(("along", "across", "up")):
+        kinds[f"mark {axis}"] = m[:, i] / np.sqrt(m[:, 3 + i])
+    kinds = {name: v[np.isfinite(v)] for name, v in kinds.items()}
+    return {
+        "kind": list(kinds),
+        "innovation_count": [v.size for v in kinds.values()],
+        "innovation_square": [float(np.mean(v**2)) if v.size else np.nan for v in kinds.values()],
+        "innovation_outliers": [int((np.abs(v) > 4.0).sum()) for v in kinds.values()],
+    }

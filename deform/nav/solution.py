@@ -1,0 +1,113 @@
+"""A filter's problem in; the smoothed states, with noise learned from the data and contradicted marks down-weighted, out."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deform.geometry import earth
+from deform.nav import _kernels_filter as kernels
+from deform.nav.aiding import MarkAid
+from deform.nav.filter import Filtered, Problem, learned_noise, run_forward
+from deform.nav.smoother import Smoothed, smooth
+
+Floats = NDArray[np.float64]
+log = logging.getLogger(__name__)
+
+CONTRADICTED = 4.5  # misclosure without the mark over its sigma beyond which a mark is gross
+UNTIL_LEARNED = 12.0  # the same before the noise is learned
+NO_WEIGHT = 1e-8
+RESTART_RAD = math.radians(0.5)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Smoothed states and how they came about.
+
+    Parameters
+    ----------
+    problem : with learned noise and final weights of the marks.
+    filtered, smoothed : last passes.
+    left_out : (mark, 3) east, north, up of trajectory minus mark when the mark does not count (m).
+    left_out_sigma : (mark, 3) its standard deviation.
+    closed : (mark, 3) final trajectory minus mark.
+    """
+
+    problem: Problem
+    filtered: Filtered
+    smoothed: Smoothed
+    left_out: Floats
+    left_out_sigma: Floats
+    closed: Floats
+
+
+def solve(problem: Problem) -> Solution:
+    """Filter and smooth until noise, weights and first attitude stand.
+
+    Notes
+    -----
+    A mark is judged by its misclosure against all other data: with r = path - mark behind the smoother and P the smoothed
+    variance, path without the mark minus mark is r R / (R - P), of variance R² / (R - P) (data snooping, Baarda 1968). The
+    worst one beyond the limit loses its weight and everything is solved anew, so that one bad mark does not condemn its
+    neighbours.
+    """
+    filtered, smoothed = _pass(problem)
+    turned = kernels.turn_between(problem.start.state, smoothed.states[0])
+    if turned > RESTART_RAD:
+        log.info("first attitude moved by %.2f degree: filtered anew from there", math.degrees(turned))
+        problem = _restarted(problem, smoothed)
+        filtered, smoothed = _pass(problem)
+    problem, filtered, smoothed = _without_gross(problem, filtered, smoothed, UNTIL_LEARNED)
+    problem = replace(problem, travel=learned_noise(problem, smoothed.states))
+    filtered, smoothed = _pass(problem)
+    problem, filtered, smoothed = _without_gross(problem, filtered, smoothed, CONTRADICTED)
+    return Solution(problem, filtered, smoothed, *misclosures(problem.marks, smoothed))
+
+
+def misclosures(marks: MarkAid, smoothed: Smoothed) -> tuple[Floats, Floats, Floats]:
+    """Return misclosures without the mark itself, their sigma, and those of the final path (mark, 3), east, north, up."""
+    places, P = smoothed.states[marks.epoch, :3], smoothed.sigma[marks.epoch, :3] ** 2
+    velocity = smoothed.states[marks.epoch, 3:6]
+    closed = np.column_stack(
+        earth.enu_difference(
+            np.degrees(places[:, 0]), np.degrees(places[:, 1]), places[:, 2],
+            np.degrees(marks.place[:, 0]), np.degrees(marks.place[:, 1]), marks.place[:, 2],
+        )
+    )  # fmt: skip
+    closed = closed.reshape(-1, 3) + velocity * marks.late[:, None]
+    R = np.column_stack([marks.variance[:, :2].mean(axis=1), marks.variance[:, :2].mean(axis=1), marks.variance[:, 2]])
+    R = np.maximum(R, 1e-8)
+    R_used = R / marks.weight[:, None]
+    share = np.maximum(1.0 - P / R_used, 1e-6)
+    left_out = closed / share
+    without = P / share  # variance of the path without the mark
+    return left_out, np.sqrt(R + without), closed
+
+
+def _pass(problem: Problem) -> tuple[Filtered, Smoothed]:
+    filtered = run_forward(problem)
+    return filtered, smooth(problem, filtered)
+
+
+def _without_gross(problem: Problem, filtered: Filtered, smoothed: Smoothed, limit: float) -> tuple[Problem, Filtered, Smoothed]:
+    for _ in range(problem.marks.epoch.size):
+        left_out, sigma, _closed = misclosures(problem.marks, smoothed)
+        size = np.max(np.abs(left_out) / sigma, axis=1, initial=0.0) * (problem.marks.weight > 0.5)
+        worst = int(np.argmax(size)) if size.size else -1
+        if worst < 0 or size[worst] < limit or (problem.marks.weight > 0.5).sum() < 3:
+            break
+        weight = problem.marks.weight.copy()
+        weight[worst] = NO_WEIGHT
+        problem = replace(problem, marks=problem.marks.weighted(weight))
+        filtered, smoothed = _pass(problem)
+    return problem, filtered, smoothed
+
+
+def _restarted(problem: Problem, smoothed: Smoothed) -> Problem:
+    state = problem.start.state.copy()
+    state[6:15] = smoothed.states[0, 6:15]
+    return replace(problem, start=replace(problem.start, state=state))
