@@ -262,12 +262,12 @@ class SimulateOptions:
                 RunOptions(id="demo-2019", date=datetime.date(2019, 7, 2)),
                 RunOptions(id="demo-2022", date=datetime.date(2022, 8, 9)),
             ),
-            movements=(MovementOptions(id="LS1", start_m=420.0, length_m=120.0, amplitude_m=0.8, side_deg=80.0),),
-            replacements=(ReplacementOptions(id="C1", start_m=820.0, length_m=60.0),),
+            movements=(MovementOptions(id="LS1", start_m=600.0, length_m=120.0, amplitude_m=0.8, side_deg=80.0),),
+            replacements=(ReplacementOptions(id="C1", start_m=960.0, length_m=60.0),),
             dents=(
                 DentOptions(id="D01", chainage_m=233.3, clock_deg=172.0, depths_od=(0.022, 0.022)),
-                DentOptions(id="D02", chainage_m=641.8, clock_deg=35.0, depths_od=(0.025, 0.042), length_m=0.34, width_m=0.22),
-                DentOptions(id="D03", chainage_m=1018.1, clock_deg=300.0, depths_od=(0.018, 0.018), length_m=0.26),
+                DentOptions(id="D02", chainage_m=771.8, clock_deg=35.0, depths_od=(0.025, 0.042), length_m=0.34, width_m=0.22),
+                DentOptions(id="D03", chainage_m=1085.1, clock_deg=300.0, depths_od=(0.018, 0.018), length_m=0.26),
             ),
         )
 
