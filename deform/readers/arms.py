@@ -60,7 +60,11 @@ def read_arms(path: Path, header: RunHeader | None, findings: Findings) -> tuple
 def _radian(angle: np.ndarray, units: str | None, findings: Findings) -> np.ndarray:
     angle = np.asarray(angle, float)
     if not np.isfinite(angle).all():
-        findings.fault(FILE, "arm_angle", f"is not a number for arm {int(np.flatnonzero(~np.isfinite(angle))[0]) + 1}; every arm needs its angle")
+        findings.fault(
+            FILE,
+            "arm_angle",
+            f"is not a number for arm {int(np.flatnonzero(~np.isfinite(angle))[0]) + 1}; every arm needs its angle",
+        )
         return angle
     degrees = str(units or "").lower().startswith("deg")
     if degrees or np.abs(angle).max(initial=0.0) > 4 * np.pi:
@@ -82,9 +86,13 @@ def _caliper_header(ds: xr.Dataset, header: RunHeader | None, findings: Findings
         try:
             caliper = CaliperHeader(arms=arms, ring_offset_m=tuple(float(x) for x in np.asarray(offset, float).ravel()))
         except (ValidationError, ValueError) as fault:
-            findings.fault(FILE, "ring_offset_m", f"cannot be used ({str(fault).splitlines()[0]})", "add a table [caliper] to run.toml")
+            findings.fault(
+                FILE, "ring_offset_m", f"cannot be used ({str(fault).splitlines()[0]})", "add a table [caliper] to run.toml"
+            )
             return header
-        findings.repair("run.toml", "[caliper]", f"is missing; {arms} arms, ring_offset_m {list(caliper.ring_offset_m)} taken from {FILE}")
+        findings.repair(
+            "run.toml", "[caliper]", f"is missing; {arms} arms, ring_offset_m {list(caliper.ring_offset_m)} taken from {FILE}"
+        )
         header = replace(header, caliper=caliper)
     if header.caliper is not None and header.caliper.arms != arms:
         findings.fault(FILE, "arm", f"has {arms} arms, run.toml says {header.caliper.arms}", "correct [caliper] arms in run.toml")
@@ -106,12 +114,19 @@ def _packing(radius: xr.DataArray, header: RunHeader | None, findings: Findings)
         findings.fault(FILE, "radius", f"has units {attrs.get('units')!r}; known are {', '.join(_UNITS)}")
         return attrs
     if not np.isfinite([scale, offset]).all() or scale <= 0:
-        findings.fault(FILE, "radius", f"has scale_factor {scale:g}, add_offset {offset:g}; both must be finite, the scale positive")
+        findings.fault(
+            FILE, "radius", f"has scale_factor {scale:g}, add_offset {offset:g}; both must be finite, the scale positive"
+        )
         return attrs
     median = _median(radius, scale, offset, fill, findings)
     if median is not None and header is not None:
         unit = _true_unit(median, unit, header, findings)
-    return attrs | {"units": "m", "scale_factor": scale * unit, "add_offset": offset * unit, "_FillValue": np.asarray(fill, radius.dtype)[()]}
+    return attrs | {
+        "units": "m",
+        "scale_factor": scale * unit,
+        "add_offset": offset * unit,
+        "_FillValue": np.asarray(fill, radius.dtype)[()],
+    }
 
 
 def _median(radius: xr.DataArray, scale: float, offset: float, fill: float | int, findings: Findings) -> float | None:
@@ -127,14 +142,23 @@ def _median(radius: xr.DataArray, scale: float, offset: float, fill: float | int
         return None
     values = np.concatenate(found)
     if not values.size:
-        findings.fault(FILE, "radius", "holds no value in any scan that was tried; all arms are missing", "remove the file to run without a caliper")
+        findings.fault(
+            FILE,
+            "radius",
+            "holds no value in any scan that was tried; all arms are missing",
+            "remove the file to run without a caliper",
+        )
         return None
     return float(np.median(values)) * scale + offset
 
 
 def _true_unit(median: float, unit: float, header: RunHeader, findings: Findings) -> float:
     inner = header.pipe.outside_diameter_m / 2 - header.pipe.nominal_wall_m
-    fits = {name: factor for name, factor in (("m", 1.0), ("mm", 1e-3), ("in", 0.0254), ("cm", 1e-2)) if _fits(median * factor / inner)}
+    fits = {
+        name: factor
+        for name, factor in (("m", 1.0), ("mm", 1e-3), ("in", 0.0254), ("cm", 1e-2))
+        if _fits(median * factor / inner)
+    }
     if _fits(median * unit / inner):
         if unit != 1.0:
             findings.repair(FILE, "radius", f"is in another unit than metre (median {median:.4g}); rescaled by {unit:g}")

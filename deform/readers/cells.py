@@ -128,7 +128,11 @@ def angle(text: str, decimal: str = ".") -> float:
     if is_empty(text):
         return float("nan")
     sign = -1.0 if re.search(r"[SsWw]", text) or text.startswith("-") else 1.0
-    bare = re.sub(r"[NSEWnsew+\-]", " ", text).strip().rstrip("°").strip() if not re.search(r"\de[-+]?\d", text, re.IGNORECASE) else text
+    bare = (
+        re.sub(r"[NSEWnsew+\-]", " ", text).strip().rstrip("°").strip()
+        if not re.search(r"\de[-+]?\d", text, re.IGNORECASE)
+        else text
+    )
     match = _DMS.fullmatch(bare)
     if match is None:
         return sign * abs(number(bare, decimal))

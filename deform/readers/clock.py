@@ -35,7 +35,11 @@ def rising_time(time: np.ndarray, file: str, findings: Findings) -> np.ndarray:
         return time
     bad = np.flatnonzero(~np.isfinite(time))
     if bad.size:
-        findings.fault(file, "time", f"is not a number at {bad.size} of {time.size} samples, first at sample {bad[0]}; every sample needs its time")
+        findings.fault(
+            file,
+            "time",
+            f"is not a number at {bad.size} of {time.size} samples, first at sample {bad[0]}; every sample needs its time",
+        )
         return time
     slips = np.flatnonzero(np.diff(time) <= 0) + 1
     if slips.size:

@@ -40,8 +40,27 @@ FIELDS = {
     "name": "text",
     "direction": "text",
 }
-RELATIVE = {"% OD": ("dent_depth", 0.01), "fraction OD": ("dent_depth", 1.0), "% wall": ("depth", 0.01), "fraction wall": ("depth", 1.0)}
-FeatureKind = Literal["valve", "tee", "tap", "bend", "wall_change", "sleeve", "flange", "support", "casing", "marker", "wrinkle", "metal_loss", "other"]
+RELATIVE = {
+    "% OD": ("dent_depth", 0.01),
+    "fraction OD": ("dent_depth", 1.0),
+    "% wall": ("depth", 0.01),
+    "fraction wall": ("depth", 1.0),
+}
+FeatureKind = Literal[
+    "valve",
+    "tee",
+    "tap",
+    "bend",
+    "wall_change",
+    "sleeve",
+    "flange",
+    "support",
+    "casing",
+    "marker",
+    "wrinkle",
+    "metal_loss",
+    "other",
+]
 Kind = Literal["weld", "seam", "dent", FeatureKind]
 Capture = Literal["angle", "direction", "depth", "length", "width", "wall", "name", "clock"]
 _CAPTURED_LENGTHS = ("depth", "length", "width", "wall")
@@ -198,7 +217,12 @@ def _in_full(content):
 
 def _wrong_columns(columns: dict[str, tuple[Column, ...]]) -> list[str]:
     wrong = [f"{name}: unknown field; known are {', '.join(FIELDS)}" for name in columns if name not in FIELDS]
-    return wrong + [f"{name}: {text}" for name, several in columns.items() for column in several if name in FIELDS and (text := _wrong_column(name, column))]
+    return wrong + [
+        f"{name}: {text}"
+        for name, several in columns.items()
+        for column in several
+        if name in FIELDS and (text := _wrong_column(name, column))
+    ]
 
 
 def _wrong_capture(name: str, unit: str) -> str:
@@ -255,7 +279,9 @@ def column_map(source: str | Path) -> ColumnMap:
         return known[name]
     near = difflib.get_close_matches(name, known, 1)
     advice = f"did you mean {near[0]!r}?" if near else "docs/listings.md tells how to write one"
-    raise InputError(Fault(str(source), "columns", f"no such file, and no shipped column map of this name ({', '.join(known)})", advice))
+    raise InputError(
+        Fault(str(source), "columns", f"no such file, and no shipped column map of this name ({', '.join(known)})", advice)
+    )
 
 
 def _parsed(text: str, where: str) -> ColumnMap:

@@ -33,7 +33,11 @@ def centreline(frame: pd.DataFrame, options: Coordinates, findings: Findings) ->
         return None
     start, end = int(np.ceil(points[0, 0] / STEP_M - 1e-6)), int(np.floor(points[-1, 0] / STEP_M + 1e-6))
     chainage = np.arange(start, end + 1) * STEP_M
-    values = {"chainage": chainage, "latitude": _through(points[:, 0], points[:, 1], chainage), "longitude": _through(points[:, 0], np.unwrap(points[:, 2], period=360), chainage)}
+    values = {
+        "chainage": chainage,
+        "latitude": _through(points[:, 0], points[:, 1], chainage),
+        "longitude": _through(points[:, 0], np.unwrap(points[:, 2], period=360), chainage),
+    }
     tall = np.isfinite(points[:, 3])
     if tall.sum() > 1:
         values["height"] = _through(points[tall, 0], points[tall, 3], chainage)
@@ -43,8 +47,14 @@ def centreline(frame: pd.DataFrame, options: Coordinates, findings: Findings) ->
             values[name] = np.where(bridged > options.longest_gap_m, np.nan, values[name])
     wide = np.diff(points[:, 0]) > options.longest_gap_m
     if wide.any():
-        findings.repair("", "coordinates", f"{wide.sum()} stretches without coordinates longer than {options.longest_gap_m:g} m stay empty")
-    for name, sigma in (("east_sigma", options.sigma_horizontal_m), ("north_sigma", options.sigma_horizontal_m), ("up_sigma", options.sigma_vertical_m)):
+        findings.repair(
+            "", "coordinates", f"{wide.sum()} stretches without coordinates longer than {options.longest_gap_m:g} m stay empty"
+        )
+    for name, sigma in (
+        ("east_sigma", options.sigma_horizontal_m),
+        ("north_sigma", options.sigma_horizontal_m),
+        ("up_sigma", options.sigma_vertical_m),
+    ):
         if sigma is not None:
             values[name] = np.full(chainage.size, sigma)
     return build.dataset("centreline", values)
@@ -55,13 +65,19 @@ def _points(frame: pd.DataFrame, options: Coordinates, findings: Findings) -> np
     names = ("easting", "northing") if np.isfinite(frame["easting"].to_numpy(float)).any() else ("longitude", "latitude")
     x, y, z = (frame[name].to_numpy(float) for name in (*names, "elevation"))
     if names[0] == "easting" and not options.crs:
-        findings.fault("", "easting, northing", "have no reference system", "give crs = 'EPSG:...' in [coordinates] of the column map")
+        findings.fault(
+            "", "easting, northing", "have no reference system", "give crs = 'EPSG:...' in [coordinates] of the column map"
+        )
         return np.empty((0, 4))
     latitude, longitude, height = datum.to_wgs84(x, y, z, options.crs, findings) if options.crs else (y, x, z)
     good = np.isfinite(latitude) & np.isfinite(longitude)
     bad = good & ((np.abs(latitude) > 90) | (longitude < -180) | (longitude > 360) | ((latitude == 0) & (longitude == 0)))
     if bad.any():
-        findings.repair("", "coordinates", f"{bad.sum()} rows have coordinates that cannot be, first line {frame['line'].to_numpy()[bad][0]}; left out")
+        findings.repair(
+            "",
+            "coordinates",
+            f"{bad.sum()} rows have coordinates that cannot be, first line {frame['line'].to_numpy()[bad][0]}; left out",
+        )
     return np.column_stack([frame["chainage"], np.where(bad, np.nan, latitude), longitude, height])
 
 
@@ -76,7 +92,11 @@ def _possible(points: np.ndarray, findings: Findings) -> np.ndarray:
     gross = np.append(far, True) & np.append(True, far)
     gross[0], gross[-1] = far[0] and not far[1], far[-1] and not far[-2]
     if gross.any():
-        findings.repair("", "coordinates", f"{gross.sum()} points lie further from their neighbours than the pipe is long, first at chainage {points[gross][0, 0]:.1f} m; left out")
+        findings.repair(
+            "",
+            "coordinates",
+            f"{gross.sum()} points lie further from their neighbours than the pipe is long, first at chainage {points[gross][0, 0]:.1f} m; left out",
+        )
     return points[~gross]
 
 

@@ -7,7 +7,9 @@ import numpy as np
 from deform.readers.findings import Findings
 
 
-def to_wgs84(x: np.ndarray, y: np.ndarray, z: np.ndarray, crs: str, findings: Findings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def to_wgs84(
+    x: np.ndarray, y: np.ndarray, z: np.ndarray, crs: str, findings: Findings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return latitude, longitude (degree) and height above the ellipsoid (metre).
 
     Parameters
@@ -25,13 +27,19 @@ def to_wgs84(x: np.ndarray, y: np.ndarray, z: np.ndarray, crs: str, findings: Fi
     try:
         source = CRS.from_user_input(crs)
     except CRSError as fault:
-        findings.fault("", "crs", f"{crs!r} is no reference system that PROJ knows ({str(fault).split(':')[0]})", "such as EPSG:32610")
+        findings.fault(
+            "", "crs", f"{crs!r} is no reference system that PROJ knows ({str(fault).split(':')[0]})", "such as EPSG:32610"
+        )
         return nothing, nothing, nothing
     target = "EPSG:4979"
     group = TransformerGroup(source, target, always_xy=True)
     if not group.best_available:
         missing = ", ".join(g.short_name for op in group.unavailable_operations[:1] for g in op.grids if not g.available)
-        findings.repair("", "crs", f"the most exact transformation from {source.name} needs the grid {missing or '(unknown)'}, which is not installed; the next best is used")
+        findings.repair(
+            "",
+            "crs",
+            f"the most exact transformation from {source.name} needs the grid {missing or '(unknown)'}, which is not installed; the next best is used",
+        )
     transformer = Transformer.from_crs(source, target, always_xy=True)
     tall = np.isfinite(z)
     longitude, latitude, height = transformer.transform(x, y, np.where(tall, z, 0.0))

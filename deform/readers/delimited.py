@@ -68,7 +68,9 @@ def read_sheet(path: Path, options: FileOptions, wanted: list[tuple[str, ...]], 
     fitting = [sum(bool(s & {cells.key(c) for c in row}) for s in spellings) for _, row in rows[:_HEADER_WITHIN]]
     top = int(np.argmax(fitting)) if max(fitting) else 0
     header = tuple(cells.words(c) for c in rows[top][1])
-    body = [(n, _fitted(row, len(header))) for n, row in rows[top + 1 + options.rows_below_header :] if any(c.strip() for c in row)]
+    body = [
+        (n, _fitted(row, len(header))) for n, row in rows[top + 1 + options.rows_below_header :] if any(c.strip() for c in row)
+    ]
     longer = sum(len([c for c in row[len(header) :] if c.strip()]) > 0 for _, row in rows[top + 1 :])
     if longer and findings is not None:
         findings.repair("", "", f"{longer} rows have more cells than the header; what is over is read as part of the last column")
@@ -87,7 +89,13 @@ def absent_columns(sheet: Sheet, columns: Mapping[str, tuple[Column, ...]], name
     return faults
 
 
-def read_fields(sheet: Sheet, columns: Mapping[str, tuple[Column, ...]], options: FileOptions, findings: Findings, rows: np.ndarray | None = None) -> pd.DataFrame:
+def read_fields(
+    sheet: Sheet,
+    columns: Mapping[str, tuple[Column, ...]],
+    options: FileOptions,
+    findings: Findings,
+    rows: np.ndarray | None = None,
+) -> pd.DataFrame:
     """Return the fields of a table: numbers in metre and degree (NaN where empty), words as text.
 
     Parameters
@@ -117,7 +125,9 @@ def read_fields(sheet: Sheet, columns: Mapping[str, tuple[Column, ...]], options
     return frame
 
 
-def _field(name: str, column: Column, sheet: Sheet, place: int, chosen: np.ndarray, decimal: str, findings: Findings) -> tuple[str, np.ndarray]:
+def _field(
+    name: str, column: Column, sheet: Sheet, place: int, chosen: np.ndarray, decimal: str, findings: Findings
+) -> tuple[str, np.ndarray]:
     text = np.where(chosen, sheet.column(place), "")
     if FIELDS[name] == "text":
         return name, np.array([cells.words(t) for t in text], dtype=object)
@@ -143,7 +153,11 @@ def _conversion(name: str, column: Column, decimal: str) -> tuple[Callable[[str]
     if FIELDS[name] == "angle":
         return lambda text: cells.number(text, decimal), cells.factor(column.unit or "degree", "angle"), name
     if column.unit in RELATIVE:
-        return lambda text: cells.number(text.rstrip("% "), decimal), RELATIVE[column.unit][1], f"{name}_{column.unit.split()[1].lower()}"
+        return (
+            lambda text: cells.number(text.rstrip("% "), decimal),
+            RELATIVE[column.unit][1],
+            f"{name}_{column.unit.split()[1].lower()}",
+        )
     number = cells.station if column.format == "station" else cells.number
     return lambda text: number(text, decimal), cells.factor(column.unit, "length"), name
 
@@ -194,7 +208,9 @@ def _decoded(path: Path, encoding: str) -> str:
         raise InputError(Fault(path.name, "encoding", f"{encoding!r} is unknown")) from None
     except UnicodeDecodeError as fault:
         if encoding or known == "utf-16":
-            raise InputError(Fault(path.name, "", f"is no text in {encoding or known} ({fault.reason} at byte {fault.start})")) from None
+            raise InputError(
+                Fault(path.name, "", f"is no text in {encoding or known} ({fault.reason} at byte {fault.start})")
+            ) from None
         return content.decode("cp1252", errors="replace")
 
 
@@ -214,7 +230,12 @@ def _spreadsheet(path: Path, sheet: str | int, decimal: str) -> list[tuple[int, 
 
     try:
         book = python_calamine.CalamineWorkbook.from_path(str(path))
-        if isinstance(sheet, int) and not 0 <= sheet < len(book.sheet_names) or isinstance(sheet, str) and sheet not in book.sheet_names:
+        if (
+            isinstance(sheet, int)
+            and not 0 <= sheet < len(book.sheet_names)
+            or isinstance(sheet, str)
+            and sheet not in book.sheet_names
+        ):
             raise InputError(Fault(path.name, "sheet", f"has no sheet {sheet!r}; there are {', '.join(book.sheet_names)}"))
         found = book.get_sheet_by_index(sheet) if isinstance(sheet, int) else book.get_sheet_by_name(sheet)
         rows = found.to_python(skip_empty_area=False)

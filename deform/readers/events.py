@@ -14,7 +14,9 @@ from deform.run import build
 FILE = "welds.csv"
 
 
-def read_rows(path: Path, required: tuple[str, ...], optional: tuple[str, ...], findings: Findings) -> list[tuple[int, dict[str, str]]] | None:
+def read_rows(
+    path: Path, required: tuple[str, ...], optional: tuple[str, ...], findings: Findings
+) -> list[tuple[int, dict[str, str]]] | None:
     """Return rows (line number, text by column) of a CSV file of the raw run; None, and the faults noted, when columns are missing."""
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
@@ -98,5 +100,7 @@ def _sorted(time: np.ndarray, amplitude: np.ndarray, findings: Findings) -> tupl
         time, amplitude = time[order], amplitude[order]
     twice = np.append(False, np.diff(time) <= 0)
     if twice.any():
-        findings.repair(FILE, "time_s", f"{twice.sum()} events stand there twice, first {time[twice][0]:.3f} s; one of each is kept")
+        findings.repair(
+            FILE, "time_s", f"{twice.sum()} events stand there twice, first {time[twice][0]:.3f} s; one of each is kept"
+        )
     return time[~twice], amplitude[~twice]

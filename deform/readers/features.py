@@ -76,7 +76,11 @@ def _stretches(rows: pd.DataFrame, findings: Findings) -> pd.DataFrame:
     lost += [i for several in open_.values() for i in several]
     if lost:
         first = rows.iloc[min(lost)]
-        findings.repair("", "rows", f"{len(lost)} starts or ends of a stretch have no partner, first line {first['line']} ({first['text']}); kept as points")
+        findings.repair(
+            "",
+            "rows",
+            f"{len(lost)} starts or ends of a stretch have no partner, first line {first['line']} ({first['text']}); kept as points",
+        )
     return rows[keep]
 
 
@@ -85,7 +89,11 @@ def _wall_steps(rows: pd.DataFrame, welds: pd.DataFrame) -> pd.DataFrame:
     if (rows["kind"] == "wall_change").any() or not np.isfinite(wall).any():
         return rows.iloc[:0]
     at = np.flatnonzero(np.abs(np.diff(wall)) >= _WALL_STEP_M) + 1
-    steps = pd.DataFrame({"chainage": welds["chainage"].to_numpy()[at], "value": wall[at], "label": welds["label"].to_numpy()[at]})
+    steps = pd.DataFrame(
+        {"chainage": welds["chainage"].to_numpy()[at], "value": wall[at], "label": welds["label"].to_numpy()[at]}
+    )
     steps["kind"], steps["direction"], steps["chainage_end"], steps["clock"] = "wall_change", "", np.nan, np.nan
-    steps["text"] = [f"wall {before * 1e3:.2f} mm, then {after * 1e3:.2f} mm" for before, after in zip(wall[at - 1], wall[at], strict=True)]
+    steps["text"] = [
+        f"wall {before * 1e3:.2f} mm, then {after * 1e3:.2f} mm" for before, after in zip(wall[at - 1], wall[at], strict=True)
+    ]
     return steps

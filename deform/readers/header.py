@@ -87,7 +87,12 @@ def _mounted(header: RunHeader, findings: Findings) -> RunHeader:
     place = "[imu] sensor_to_body"
     departure = float(np.abs(matrix @ matrix.T - np.eye(3)).max()) if np.isfinite(matrix).all() else np.inf
     if departure > _REPAIRABLE:
-        findings.fault(FILE, place, f"is no rotation: M M' differs from 1 by {departure:.3g}", "rows are body x (right), y (forward), z (up) in sensor axes")
+        findings.fault(
+            FILE,
+            place,
+            f"is no rotation: M M' differs from 1 by {departure:.3g}",
+            "rows are body x (right), y (forward), z (up) in sensor axes",
+        )
     elif np.linalg.det(matrix) < 0:
         findings.fault(FILE, place, f"is left-handed (determinant {np.linalg.det(matrix):.3f})", "one axis has the wrong sign")
     elif departure > _EXACT:
@@ -101,7 +106,12 @@ def _mounted(header: RunHeader, findings: Findings) -> RunHeader:
 def _check_pipe(header: RunHeader, findings: Findings) -> None:
     wall, diameter = header.pipe.nominal_wall_m, header.pipe.outside_diameter_m
     if wall > _MOST_WALL * diameter:
-        findings.fault(FILE, "[pipe] nominal_wall_m", f"is {wall:g} m in a pipe of {diameter:g} m outside diameter; that cannot be", "is it in inch?")
+        findings.fault(
+            FILE,
+            "[pipe] nominal_wall_m",
+            f"is {wall:g} m in a pipe of {diameter:g} m outside diameter; that cannot be",
+            "is it in inch?",
+        )
 
 
 def _check_levers(header: RunHeader, findings: Findings) -> None:

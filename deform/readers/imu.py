@@ -42,7 +42,9 @@ def read_imu(path: Path, header: RunHeader | None, findings: Findings) -> xr.Dat
             return None
         attrs = {
             "gyro_pulse_rad": netcdf.number(ds, "gyro_pulse_rad", ["gyro_count"], FILE, findings, least=1e-12, most=1e-2),
-            "accel_pulse_m_per_s": netcdf.number(ds, "accel_pulse_m_per_s", ["accel_count"], FILE, findings, least=1e-10, most=1.0),
+            "accel_pulse_m_per_s": netcdf.number(
+                ds, "accel_pulse_m_per_s", ["accel_count"], FILE, findings, least=1e-10, most=1.0
+            ),
         }
         parts = {name: netcdf.values(ds, name, dims, FILE, findings) for name, dims in wanted.items()}
         if any(v is None for v in parts.values()):
@@ -51,7 +53,9 @@ def read_imu(path: Path, header: RunHeader | None, findings: Findings) -> xr.Dat
     return _checked(parts, fills, attrs, header, findings)  # type: ignore[arg-type]  # None was sent back above
 
 
-def _checked(parts: dict[str, np.ndarray], fills: dict, attrs: dict, header: RunHeader | None, findings: Findings) -> xr.Dataset | None:
+def _checked(
+    parts: dict[str, np.ndarray], fills: dict, attrs: dict, header: RunHeader | None, findings: Findings
+) -> xr.Dataset | None:
     known = len(findings.faults)
     keep = _present(parts, fills, findings)
     if keep is not None:
@@ -91,16 +95,22 @@ def _present(parts: dict[str, np.ndarray], fills: dict, findings: Findings) -> n
         return None
     first, count = int(np.flatnonzero(lost)[0]), int(lost.sum())
     if count > _MOST_LOST * n:
-        findings.fault(FILE, "gyro_count, accel_count", f"are missing at {count} of {n} samples, first at sample {first}; at most 1 % may be")
+        findings.fault(
+            FILE, "gyro_count, accel_count", f"are missing at {count} of {n} samples, first at sample {first}; at most 1 % may be"
+        )
         return None
-    findings.repair(FILE, "gyro_count, accel_count", f"missing at {count} samples, first at sample {first}; these samples are left out")
+    findings.repair(
+        FILE, "gyro_count, accel_count", f"missing at {count} samples, first at sample {first}; these samples are left out"
+    )
     return ~lost
 
 
 def _whole(count: np.ndarray, name: str, findings: Findings) -> np.ndarray:
     if count.dtype.kind == "f":
         if np.isfinite(count).all() and np.abs(count - np.round(count)).max(initial=0.0) > 1e-6:
-            findings.fault(FILE, name, "holds fractions of a pulse; counts are whole numbers", "are these rates instead of counts?")
+            findings.fault(
+                FILE, name, "holds fractions of a pulse; counts are whole numbers", "are these rates instead of counts?"
+            )
             return np.zeros(count.shape, np.int64)
         count = np.round(np.nan_to_num(count))
     return np.ascontiguousarray(count, dtype=np.int32 if np.abs(count).max(initial=0) < 2**31 else np.int64)
@@ -116,14 +126,16 @@ def _saturation(counts: dict[str, np.ndarray], time: np.ndarray, findings: Findi
             at = np.flatnonzero((column == peak) | (column == -peak))
             rule = f"saturated at {peak} pulses in {at.size} samples, first at t={time[at[0]]:.3f} s"
             if at.size > _MOST_LOST * column.size:
-                findings.fault(FILE, f"{name}, axis {axis}", f"{rule}; at most 1 % may be", "the sensor was overloaded or is broken")
+                findings.fault(
+                    FILE, f"{name}, axis {axis}", f"{rule}; at most 1 % may be", "the sensor was overloaded or is broken"
+                )
             else:
                 findings.repair(FILE, f"{name}, axis {axis}", f"{rule}; kept")
 
 
 def _blocks(count: np.ndarray, time: np.ndarray, pulse: float) -> np.ndarray:
     """Mean vectors over about a second, shape (m, 3), in the unit of the pulse per second; at most some 10 000 of them."""
-    per_block = max(1, round(1.0 / max(float(np.median(np.diff(time[: _BLOCK]))), 1e-6)))
+    per_block = max(1, round(1.0 / max(float(np.median(np.diff(time[:_BLOCK]))), 1e-6)))
     n = time.size // per_block
     if n < 2:
         return (count.sum(axis=0, dtype=float) * pulse / max(time[-1] - time[0], 1e-9))[None]
@@ -144,7 +156,12 @@ def _possible_rate(count: np.ndarray, time: np.ndarray, pulse: float, header: Ru
     rates = np.degrees(_blocks(count, time, pulse))
     rate = float(np.median(np.linalg.norm(rates, axis=1)))
     if rate > _FASTEST_TURN_DEG_PER_S:
-        findings.fault(FILE, "gyro_count", f"gives a median rate of {rate:.4g} degree/s; no tool turns so fast", "attribute gyro_pulse_rad may be in degree or arc second")
+        findings.fault(
+            FILE,
+            "gyro_count",
+            f"gives a median rate of {rate:.4g} degree/s; no tool turns so fast",
+            "attribute gyro_pulse_rad may be in degree or arc second",
+        )
         return
     if header is None or header.launch.static_s < 60 or header.imu.gyro_bias_deg_per_h > 1.0:
         return

@@ -25,7 +25,12 @@ def weld_rows(frame: pd.DataFrame, options: Joints, findings: Findings) -> pd.Da
     """
     welds = frame[frame["kind"] == "weld"].copy()
     if len(welds) < 2:
-        findings.fault("", "rows", f"{len(welds)} girth welds found; a run needs two at least", "does the map's rule for welds fit the events?")
+        findings.fault(
+            "",
+            "rows",
+            f"{len(welds)} girth welds found; a run needs two at least",
+            "does the map's rule for welds fit the events?",
+        )
         return None
     falls = np.count_nonzero(np.diff(welds["distance"]) < 0)
     if falls:

@@ -71,12 +71,18 @@ def _diameter(frame: pd.DataFrame, columns: ColumnMap, request: Request, finding
     ratio = depth[both] / relative[both]
     found = float(np.median(ratio))
     if np.abs(ratio / found - 1).max() > _DIAMETER_SPREAD:
-        findings.repair("", "dent_depth", f"depth and depth in % OD of {both.sum()} dents do not agree on one diameter; the depth is taken")
+        findings.repair(
+            "", "dent_depth", f"depth and depth in % OD of {both.sum()} dents do not agree on one diameter; the depth is taken"
+        )
         return stated
     if stated is None:
         return round(found, 4)
     if abs(found / stated - 1) > _DIAMETER_SPREAD:
-        findings.repair("", "dent_depth", f"depth and depth in % OD agree at a diameter of {found:.4g} m, stated is {stated:.4g} m; the stated one is kept")
+        findings.repair(
+            "",
+            "dent_depth",
+            f"depth and depth in % OD agree at a diameter of {found:.4g} m, stated is {stated:.4g} m; the stated one is kept",
+        )
     return stated
 
 
@@ -104,7 +110,11 @@ def _dents(rows: pd.DataFrame, welds: pd.DataFrame, diameter: float | None, find
     if diameter is not None:
         depth = np.where(needs, relative * diameter, depth)
     elif needs.any():
-        findings.repair("", "dent_depth", f"{needs.sum()} dents have a depth in % OD only and the diameter is not known; unmeasured. Give outside_diameter_m")
+        findings.repair(
+            "",
+            "dent_depth",
+            f"{needs.sum()} dents have a depth in % OD only and the diameter is not known; unmeasured. Give outside_diameter_m",
+        )
     too_deep = depth > 0.5
     if too_deep.any():
         findings.repair("", "dent_depth", f"{too_deep.sum()} dents are deeper than 0.5 m, that cannot be; unmeasured")

@@ -26,7 +26,9 @@ _FAR_M = 1_000.0
 Table = dict[str, np.ndarray]
 
 
-def read_passages(path: Path, header: RunHeader | None, span: tuple[float, float] | None, length: float, findings: Findings) -> xr.Dataset | None:
+def read_passages(
+    path: Path, header: RunHeader | None, span: tuple[float, float] | None, length: float, findings: Findings
+) -> xr.Dataset | None:
     """Return group ``passages``; None when there is no file or no marker in it.
 
     Parameters
@@ -54,7 +56,12 @@ def read_passages(path: Path, header: RunHeader | None, span: tuple[float, float
         findings.repair(FILE, "", "holds no marker")
         return None
     sigmas = {s.removesuffix("_m"): table[s] for s in _SIGMAS}
-    numbers = {"time": table["time_s"], "latitude": table["latitude_deg"], "longitude": table["longitude_deg"], "height": table["height_m"]}
+    numbers = {
+        "time": table["time_s"],
+        "latitude": table["latitude_deg"],
+        "longitude": table["longitude_deg"],
+        "height": table["height_m"],
+    }
     return build.dataset("passages", {"name": table["name"], "kind": table["kind"], **numbers, **sigmas})
 
 
@@ -69,7 +76,9 @@ def _table(rows: list[tuple[int, dict[str, str]]], findings: Findings) -> Table:
             low, high = _LIMITS.get(name, (-np.inf, np.inf))
             if not (low <= value <= high or (name == "time_s" and np.isnan(value))):
                 rule = "is empty" if np.isnan(value) else f"is {value:g}; it must lie in {low:g} .. {high:g}"
-                findings.fault(FILE, f"{name}, line {line}", rule, "latitude and longitude may be swapped" if name == "latitude_deg" else "")
+                findings.fault(
+                    FILE, f"{name}, line {line}", rule, "latitude and longitude may be swapped" if name == "latitude_deg" else ""
+                )
         for name in _SIGMAS:
             columns[name].append(_sigma(row.get(name, ""), name, line, findings))
     text = {"name", "kind"}
@@ -114,12 +123,18 @@ def _times(table: Table, span: tuple[float, float] | None, findings: Findings) -
     if span is not None:
         outside = np.isfinite(time) & ((time < span[0]) | (time > span[1]))
         for i in np.flatnonzero(outside):
-            findings.repair(FILE, f"time_s of {name[i]}", f"{time[i]:g} s is outside the recording ({span[0]:.1f} to {span[1]:.1f} s); taken as not heard")
+            findings.repair(
+                FILE,
+                f"time_s of {name[i]}",
+                f"{time[i]:g} s is outside the recording ({span[0]:.1f} to {span[1]:.1f} s); taken as not heard",
+            )
         time[outside] = np.nan
     heard = np.flatnonzero(np.isfinite(time))
     for i, k in zip(heard[:-1], heard[1:], strict=True):
         if time[k] <= time[i]:
-            findings.repair(FILE, f"time_s of {name[k]}", f"{time[k]:.3f} s is not after {name[i]} ({time[i]:.3f} s), the row before; kept")
+            findings.repair(
+                FILE, f"time_s of {name[k]}", f"{time[k]:.3f} s is not after {name[i]} ({time[i]:.3f} s), the row before; kept"
+            )
 
 
 def _places(table: Table, header: RunHeader | None, length: float, findings: Findings) -> Table:
@@ -132,12 +147,16 @@ def _places(table: Table, header: RunHeader | None, length: float, findings: Fin
     if impossible.any() and impossible.mean() > 0.5:
         i = int(np.argmax(far))
         rule = f"{impossible.sum()} of {impossible.size} markers lie far from the launch, {table['name'][i]} by {(far[i] + 1.05 * length) / 1000:.0f} km; the tool ran {length / 1000:.1f} km"
-        findings.fault(FILE, "latitude_deg, longitude_deg", rule, "check signs and order in markers.csv and in [launch] of run.toml")
+        findings.fault(
+            FILE, "latitude_deg, longitude_deg", rule, "check signs and order in markers.csv and in [launch] of run.toml"
+        )
         return table
     for i in np.flatnonzero(far > _FAR_M):
         km = (far[i] + 1.05 * length) / 1000
         what = "left out" if impossible[i] else "kept"
-        findings.repair(FILE, f"place of {table['name'][i]}", f"{km:.1f} km from the launch, the tool ran {length / 1000:.1f} km; {what}")
+        findings.repair(
+            FILE, f"place of {table['name'][i]}", f"{km:.1f} km from the launch, the tool ran {length / 1000:.1f} km; {what}"
+        )
     return {name: column[~impossible] for name, column in table.items()}
 
 

@@ -20,7 +20,9 @@ def open_packed(path: Path, findings: Findings) -> xr.Dataset | None:
     try:
         return xr.open_dataset(path, engine="netcdf4", mask_and_scale=False, decode_times=False, decode_coords=False, cache=False)
     except (OSError, ValueError, RuntimeError, KeyError, AttributeError, IndexError, TypeError) as fault:
-        findings.fault(path.name, "", f"cannot be opened as netCDF ({_short(fault)})", "it may be cut off: copy it anew from the tool")
+        findings.fault(
+            path.name, "", f"cannot be opened as netCDF ({_short(fault)})", "it may be cut off: copy it anew from the tool"
+        )
         return None
 
 
@@ -56,7 +58,9 @@ def missing_value(ds: xr.Dataset, name: str) -> float | int | None:
     return None if value is None else np.asarray(value).ravel()[0]
 
 
-def number(ds: xr.Dataset, name: str, carriers: Iterable[str], file: str, findings: Findings, *, least: float, most: float) -> float | None:
+def number(
+    ds: xr.Dataset, name: str, carriers: Iterable[str], file: str, findings: Findings, *, least: float, most: float
+) -> float | None:
     """Return a numeric attribute of the file, or of one of the variables ``carriers``; a fault when it is absent or cannot be.
 
     A pulse weight, for example, must lie in ``least .. most``, both in the unit of its name.

@@ -65,14 +65,18 @@ def _rising_counts(count: np.ndarray, time: np.ndarray, fill: float | int | None
         if falls.size:
             i = int(falls[0])
             more = f", and {falls.size - 1} times more" if falls.size > 1 else ""
-            rule = f"falls from {whole[i, wheel]} to {whole[i + 1, wheel]} at t={time[i + 1]:.3f} s{more}; counts must not decrease"
+            rule = (
+                f"falls from {whole[i, wheel]} to {whole[i + 1, wheel]} at t={time[i + 1]:.3f} s{more}; counts must not decrease"
+            )
             findings.fault(FILE, f"count, wheel {wheel + 1}", rule, "a counter that was reset or runs both ways cannot be used")
         elif time.size > 1 and whole[-1, wheel] == whole[0, wheel]:
             findings.repair(FILE, f"count, wheel {wheel + 1}", "does not count at all; kept")
     return whole
 
 
-def _without_missing(column: np.ndarray, fill: float | int | None, wheel: int, time: np.ndarray, findings: Findings) -> np.ndarray | None:
+def _without_missing(
+    column: np.ndarray, fill: float | int | None, wheel: int, time: np.ndarray, findings: Findings
+) -> np.ndarray | None:
     """Return whole counts; missing ones are interpolated between the neighbours when at most 1 % are missing."""
     lost = ~np.isfinite(column) if column.dtype.kind == "f" else np.zeros(column.shape, bool)
     if fill is None and column.dtype == np.int64:
@@ -95,7 +99,11 @@ def _unroll(column: np.ndarray, falls: np.ndarray, wheel: int, time: np.ndarray,
     for size in _COUNTERS:
         before, after = column[falls], column[falls + 1]
         if column.min() >= 0 and column.max() < size and (before > 0.99 * size).all() and (after < 0.01 * size).all():
-            findings.repair(FILE, f"count, wheel {wheel + 1}", f"overflows at {size} {falls.size} times, first at t={time[falls[0] + 1]:.3f} s; unrolled")
+            findings.repair(
+                FILE,
+                f"count, wheel {wheel + 1}",
+                f"overflows at {size} {falls.size} times, first at t={time[falls[0] + 1]:.3f} s; unrolled",
+            )
             steps = np.zeros(column.size, np.int64)
             steps[falls + 1] = size
             column += np.cumsum(steps)
@@ -112,7 +120,9 @@ def _possible_speed(count: np.ndarray, time: np.ndarray, pulse: float, findings:
     moving = travel[travel > 0]
     speed = float(np.median(moving) / (step * np.median(np.diff(time)))) if moving.size else 0.0
     if speed > _FASTEST_M_PER_S:
-        findings.fault(FILE, "count", f"gives a speed of {speed:.4g} m/s; no tool runs so fast", "attribute pulse_m may be in millimetre")
+        findings.fault(
+            FILE, "count", f"gives a speed of {speed:.4g} m/s; no tool runs so fast", "attribute pulse_m may be in millimetre"
+        )
 
 
 def travelled(odometer: xr.Dataset) -> float:

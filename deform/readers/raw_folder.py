@@ -116,7 +116,9 @@ def _checked_rate(header: RunHeader | None, imu: xr.Dataset, findings: Findings)
         return None
     rate = measured_rate(imu)
     if abs(rate / header.imu.rate_hz - 1) > _RATE_TOLERANCE:
-        findings.repair(HEADER, "[imu] rate_hz", f"is {header.imu.rate_hz:g} Hz, the stamps of {IMU} say {rate:.6g} Hz; the stamps are taken")
+        findings.repair(
+            HEADER, "[imu] rate_hz", f"is {header.imu.rate_hz:g} Hz, the stamps of {IMU} say {rate:.6g} Hz; the stamps are taken"
+        )
         return replace(header, imu=replace(header.imu, rate_hz=rate))
     return header
 

@@ -15,9 +15,17 @@ from deform.readers.delimited import Sheet
 from deform.readers.findings import Findings
 
 NUMBERS = (
-    ("distance", "distance_end", "joint_length", "wall", "elevation", "weld_distance", "dent_depth", "dent_depth_od", "depth", "depth_wall")
-    + ("length", "width", "easting", "northing", "latitude", "longitude", "clock", "seam_clock", "bend_angle")
-)
+    "distance",
+    "distance_end",
+    "joint_length",
+    "wall",
+    "elevation",
+    "weld_distance",
+    "dent_depth",
+    "dent_depth_od",
+    "depth",
+    "depth_wall",
+) + ("length", "width", "easting", "northing", "latitude", "longitude", "clock", "seam_clock", "bend_angle")
 TEXTS = ("joint", "event", "comment", "name", "direction", "seam")
 
 
@@ -85,7 +93,9 @@ def _rule_of_rows(frame: pd.DataFrame, rules: tuple[RowRule, ...]) -> np.ndarray
     return chosen
 
 
-def _own_columns(frame: pd.DataFrame, mask: np.ndarray, rule: RowRule, sheet: Sheet, columns: ColumnMap, findings: Findings) -> None:
+def _own_columns(
+    frame: pd.DataFrame, mask: np.ndarray, rule: RowRule, sheet: Sheet, columns: ColumnMap, findings: Findings
+) -> None:
     if not rule.columns:
         return
     own = delimited.read_fields(sheet, rule.columns, columns.file, findings, mask)
@@ -141,18 +151,31 @@ def _unknown(frame: pd.DataFrame, chosen: np.ndarray, findings: Findings) -> Non
     if unknown:
         said = ", ".join(f"{event or '(empty)'} ({n})" for event, n in unknown.most_common(8))
         more = f" and {len(unknown) - 8} more" if len(unknown) > 8 else ""
-        findings.repair("", "event", f"{sum(unknown.values())} rows have an event that the column map does not know, kept as other: {said}{more}")
+        findings.repair(
+            "",
+            "event",
+            f"{sum(unknown.values())} rows have an event that the column map does not know, kept as other: {said}{more}",
+        )
 
 
 def _placed(frame: pd.DataFrame, findings: Findings) -> pd.DataFrame:
     placed = np.isfinite(frame["distance"].to_numpy(float))
     lost = frame[~placed]
     for row in lost[lost["kind"] == "weld"].itertuples():
-        findings.fault("", f"distance, line {row.line}", "a girth weld without a distance", "is the unit, format or decimal mark of the map right?")
+        findings.fault(
+            "",
+            f"distance, line {row.line}",
+            "a girth weld without a distance",
+            "is the unit, format or decimal mark of the map right?",
+        )
         if len(findings.faults) > 20:
             break
     others = lost[lost["kind"] != "weld"]
     if len(others):
         first = others.iloc[0]
-        findings.repair("", "distance", f"{len(others)} rows without a distance are left out, first line {first['line']}: {first['text'] or '(no words)'}")
+        findings.repair(
+            "",
+            "distance",
+            f"{len(others)} rows without a distance are left out, first line {first['line']}: {first['text'] or '(no words)'}",
+        )
     return frame[placed].reset_index(drop=True)

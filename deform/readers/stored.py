@@ -46,7 +46,9 @@ class StoredReader:
             For a comparison, which is no run.
         """
         if _kind(request.path)[0] != "run":
-            raise InputError(Fault(str(request.path), "", "is a comparison, not a run", "name a raw run folder, a listing or runs/<id>.nc"))
+            raise InputError(
+                Fault(str(request.path), "", "is a comparison, not a run", "name a raw run folder, a listing or runs/<id>.nc")
+            )
         run = store.read_run(request.path)
         if request.run_id:
             run.attrs["id"] = request.run_id
@@ -73,7 +75,11 @@ def _kind(path: Path) -> tuple[str, str]:
 
 
 def _run_summary(run: xr.DataTree) -> dict[str, Any]:
-    attrs = {k: _plain(run.attrs[k]) for k in ("id", "date", "line", "direction", "source", "outside_diameter_m", "schema_version") if k in run.attrs}
+    attrs = {
+        k: _plain(run.attrs[k])
+        for k in ("id", "date", "line", "direction", "source", "outside_diameter_m", "schema_version")
+        if k in run.attrs
+    }
     groups = {}
     for name, node in run.children.items():
         ds = node.to_dataset()
@@ -87,7 +93,12 @@ def _run_summary(run: xr.DataTree) -> dict[str, Any]:
 def _comparison_summary(ds: xr.Dataset) -> dict[str, Any]:
     chainage = ds["chainage"].values
     span = {"from_m": float(chainage[0]), "to_m": float(chainage[-1])} if chainage.size else {}
-    return {"reference": str(ds.attrs.get("reference", "")), "epochs": [str(e) for e in ds["epoch"].values], **span, "variables": [str(v) for v in ds.data_vars]}
+    return {
+        "reference": str(ds.attrs.get("reference", "")),
+        "epochs": [str(e) for e in ds["epoch"].values],
+        **span,
+        "variables": [str(v) for v in ds.data_vars],
+    }
 
 
 def _plain(value: Any) -> Any:

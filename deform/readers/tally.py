@@ -47,7 +47,11 @@ class TallyReader:
         summary: dict = {"column_map": columns.name, "rows": len(rows.frame)}
         summary["kinds"] = {str(k): int(n) for k, n in rows.frame["kind"].value_counts().items()}
         if len(welds):
-            summary |= {"first_weld_m": float(welds.min()), "last_weld_m": float(welds.max()), "length_m": float(welds.max() - welds.min())}
+            summary |= {
+                "first_weld_m": float(welds.min()),
+                "last_weld_m": float(welds.max()),
+                "length_m": float(welds.max() - welds.min()),
+            }
         return Scan("listing", request.path, summary, (*findings.repairs, *map(str, findings.faults)))
 
     def read(self, request: Request) -> xr.DataTree:
@@ -79,7 +83,9 @@ def _rows(path: Path, columns: ColumnMap, findings: Findings) -> Rows:
         raise InputError(absent)
     if not sheet.rows:
         raise InputError(Fault(path.name, "", "has a header and no rows"))
-    optional = [f.field for f in delimited.absent_columns(sheet, columns.columns, tuple(c for c in columns.columns if c not in _REQUIRED))]
+    optional = [
+        f.field for f in delimited.absent_columns(sheet, columns.columns, tuple(c for c in columns.columns if c not in _REQUIRED))
+    ]
     if optional:
         findings.repair("", "columns", f"the file has no column for {', '.join(optional)} of column map {columns.name}")
     return classify(sheet, columns, findings)
