@@ -13,8 +13,9 @@ import numpy as np
 from numba import njit
 
 _T3 = 2.0 / (np.pi * np.sqrt(3.0))  # peak of Student's t with three degrees of freedom
+_REACH = 15.0  # sigma; a sum of joints that differs more is not the same pipe with a weld missed
 _HUGE = 1e18
-_STRAY = 50.0  # metre; a shift of a weld beyond this cannot be
+BIN = 0.01  # metre, of the density of joint lengths
 
 
 class Rates(NamedTuple):
@@ -28,12 +29,37 @@ class Rates(NamedTuple):
     false_b: float
     shifted: float
     shift_m: float
-    middle: float
     open_both: float
     open_one: float
-    extend: float
-    switch: float
-    close: float
+    extend: float  # D goes on
+    switch: float  # D to A, or to B
+    close: float  # D to M
+    extend_one: float  # A or B goes on
+    close_one: float
+
+
+class Lists(NamedTuple):
+    """Two weld lists on one scale, with the density of the line's joint lengths.
+
+    ``x`` (n) and ``y`` (m) are metre, rising; ``inv_a``, ``inv_b`` one over the density at the joint that ends at each weld (metre),
+    ``root_a``, ``root_b`` their square roots; ``density`` (1/m) in bins of 1 cm.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    inv_a: np.ndarray
+    inv_b: np.ndarray
+    root_a: np.ndarray
+    root_b: np.ndarray
+    density: np.ndarray
+
+
+class Band(NamedTuple):
+    """First and last column of each row (n), and where each row begins in the flat arrays (n + 1)."""
+
+    low: np.ndarray
+    high: np.ndarray
+    offset: np.ndarray
 
 
 class Evidence(NamedTuple):
@@ -49,7 +75,7 @@ class Evidence(NamedTuple):
     label_other: float
     seam_a: np.ndarray  # degree, NaN unknown
     seam_b: np.ndarray
-    seam_tolerance: float  # degree
+    seam_sigma: float  # degree
     lock_a: np.ndarray  # weld of B locked to each weld of A, -1 free
     lock_b: np.ndarray
     forbid_start: np.ndarray  # (n + 1) where each weld's forbidden partners begin in `forbid`
@@ -67,8 +93,8 @@ def evidence(i, j, ev):
     if ev.seam_a.size:
         d = abs(ev.seam_a[i] - ev.seam_b[j])
         if d == d:
-            d = min(d, 360.0 - d) / ev.seam_tolerance
-            w *= 0.1 + 0.9 * (180.0 / ev.seam_tolerance) * _T3 * 2.0 / (1.0 + d * d / 3.0) ** 2
+            d = min(d, 360.0 - d)
+            w *= 0.1 + 0.9 * 180.0 * 2.0 * _density(d, ev.seam_sigma)  # against any angle of 0..180
     if ev.lock_a.size:
         if ev.lock_a[i] == j:
             w *= _HUGE
@@ -80,286 +106,297 @@ def evidence(i, j, ev):
     return w
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def _density(r, sigma):
-    z2 = (r / sigma) ** 2 / 3.0
-    return _T3 / (sigma * (1.0 + z2) * (1.0 + z2))
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _one_two(whole, r, inv_whole, inv_1, inv_2, p_missed, p_false, sigma):
-    """One joint against two: a weld missed on the one side, or a false one on the other."""
-    return _density(r, sigma) * (p_missed * inv_whole + p_false / whole * inv_1 * inv_2)
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _one_three(whole, r, inv_whole, inv_1, inv_2, inv_3, p_missed, p_false, sigma):
-    """One joint against three."""
-    return _density(r, sigma) * (p_missed**2 * inv_whole + 2.0 * (p_false / whole) ** 2 * inv_1 * inv_2 * inv_3)
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _shift(shift, r, product, rates):
-    """Two joints against two with the weld between them displaced: the share in which it is the same weld."""
-    z = shift / rates.shift_m
-    return _density(r, rates.sigma) * rates.shifted * product / (np.pi * rates.shift_m * (1.0 + z * z))
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _strangers(r, product, rates):
-    """Two joints against two whose middle welds have nothing to do with each other."""
-    return _density(r, rates.sigma) * (rates.missed_a + rates.false_b) * (rates.missed_b + rates.false_a) * rates.middle * product
+    """Student's t with three degrees of freedom and this scale."""
+    z2 = 1.0 + (r / sigma) ** 2 / 3.0
+    return _T3 / (sigma * z2 * z2)
 
 
 @njit(cache=True, error_model="numpy")
-def fill(x, y, inv_a, inv_b, low, high, offset, rates, ev):
-    """Best path to every cell of the band.
+def move_11(i, j, s, t):
+    """Weight of one joint against one, both ending at (i, j): noise over the density of such a length."""
+    return t.same * _density(s.y[j] - s.y[j - 1] - s.x[i] + s.x[i - 1], t.sigma) * s.root_a[i] * s.root_b[j]
 
-    Parameters
-    ----------
-    x, y : weld places (n), (m) on one scale, metre, rising.
-    inv_a, inv_b : one over the line's density of joint lengths at the joint that ends at each weld, metre.
-    low, high : first and last column of each row of the band (n).
-    offset : place of each row in the flat arrays (n + 1).
+
+@njit(cache=True, error_model="numpy")
+def move_12(i, j, s, t):
+    """One joint of A against two of B: a weld missed in A, or a false one in B anywhere in the joint."""
+    whole = s.x[i] - s.x[i - 1]
+    r = s.y[j] - s.y[j - 2] - whole
+    if abs(r) > _REACH * t.sigma:
+        return 0.0
+    return _density(r, t.sigma) * (t.missed_a * s.inv_a[i] + t.false_b / whole * s.inv_b[j] * s.inv_b[j - 1])
+
+
+@njit(cache=True, error_model="numpy")
+def move_21(i, j, s, t):
+    """Two joints of A against one of B."""
+    whole = s.y[j] - s.y[j - 1]
+    r = whole - s.x[i] + s.x[i - 2]
+    if abs(r) > _REACH * t.sigma:
+        return 0.0
+    return _density(r, t.sigma) * (t.missed_b * s.inv_b[j] + t.false_a / whole * s.inv_a[i] * s.inv_a[i - 1])
+
+
+@njit(cache=True, error_model="numpy")
+def move_13(i, j, s, t):
+    """One joint of A against three of B."""
+    whole = s.x[i] - s.x[i - 1]
+    r = s.y[j] - s.y[j - 3] - whole
+    if abs(r) > _REACH * t.sigma:
+        return 0.0
+    f = t.false_b / whole
+    mixed = t.missed_a * f * s.inv_a[i] * (s.inv_b[j] + s.inv_b[j - 2])
+    return _density(r, t.sigma) * (t.missed_a**2 * s.inv_a[i] + mixed + 2.0 * f * f * s.inv_b[j] * s.inv_b[j - 1] * s.inv_b[j - 2])
+
+
+@njit(cache=True, error_model="numpy")
+def move_31(i, j, s, t):
+    """Three joints of A against one of B."""
+    whole = s.y[j] - s.y[j - 1]
+    r = whole - s.x[i] + s.x[i - 3]
+    if abs(r) > _REACH * t.sigma:
+        return 0.0
+    f = t.false_a / whole
+    mixed = t.missed_b * f * s.inv_b[j] * (s.inv_a[i] + s.inv_a[i - 2])
+    return _density(r, t.sigma) * (t.missed_b**2 * s.inv_b[j] + mixed + 2.0 * f * f * s.inv_a[i] * s.inv_a[i - 1] * s.inv_a[i - 2])
+
+
+@njit(cache=True, error_model="numpy")
+def move_22(i, j, s, t):
+    """Two joints against two: weight with the weld between them one displaced weld, and with two welds that are strangers.
+
+    Strangers are: each run missed the other's weld, each weld is false, or one is false and the other was missed.
+    """
+    whole = s.x[i] - s.x[i - 2]
+    r = s.y[j] - s.y[j - 2] - whole
+    if abs(r) > _REACH * t.sigma:
+        return 0.0, 0.0
+    f = _density(r, t.sigma)
+    shift = s.y[j - 1] - s.y[j - 2] - s.x[i - 1] + s.x[i - 2]
+    z = shift / t.shift_m
+    pair_a, pair_b = s.inv_a[i] * s.inv_a[i - 1], s.inv_b[j] * s.inv_b[j - 1]
+    same = f * t.shifted * s.root_a[i] * s.root_a[i - 1] * s.root_b[j] * s.root_b[j - 1] / (np.pi * t.shift_m * (1.0 + z * z))
+    between = s.density[min(int(abs(shift) / BIN), s.density.size - 1)]
+    ends = s.inv_a[i] * s.inv_b[j - 1] if shift > 0 else s.inv_a[i - 1] * s.inv_b[j]
+    strangers = t.missed_a * t.missed_b * between * ends
+    strangers += (t.missed_a * t.false_a * pair_a + t.missed_b * t.false_b * pair_b) / whole
+    strangers += t.false_a * t.false_b / whole**2 * pair_a * pair_b * s.density[min(int(whole / BIN), s.density.size - 1)]
+    return same, f * strangers
+
+
+@njit(cache=True, error_model="numpy")
+def _row(band, i):
+    """First and last column of row i, and the flat place of its column 0; an empty row outside."""
+    if i < 0 or i >= band.low.size:
+        return 1, 0, 0
+    return band.low[i], band.high[i], band.offset[i] - band.low[i]
+
+
+@njit(cache=True, error_model="numpy")
+def fill(s, band, t, ev):
+    """Best path to every cell of the band.
 
     Returns
     -------
-    best : (4, cells) weights in units of their row.
-    back : (4, cells) uint8 moves taken.
+    best : (cells, 4) weights in units of their row.
+    back : (cells, 4) uint8 moves taken: 11, 12, ... a pair of joints, 1..4 from state M, D, A, B, 0 the beginning.
     log_scale : (n) logarithm of the unit of each row.
     """
-    n, m = x.size, y.size
-    best = np.zeros((4, offset[n]))
-    back = np.zeros((4, offset[n]), np.uint8)
+    n = s.x.size
+    best = np.zeros((band.offset[n], 4))
+    back = np.zeros((band.offset[n], 4), np.uint8)
     log_scale = np.zeros(n)
-    ra, rb = np.sqrt(inv_a), np.sqrt(inv_b)
     c1 = c2 = 1.0
     for i in range(n):
         q2, q3 = 1.0 / c1, 1.0 / (c1 * c2)
+        begin = np.exp(-max(log_scale[i - 1], -600.0)) if i > 0 else 1.0
         top = 0.0
-        o0 = offset[i] - low[i]
-        o1 = offset[i - 1] - low[i - 1] if i > 0 else 0
-        o2 = offset[i - 2] - low[i - 2] if i > 1 else 0
-        o3 = offset[i - 3] - low[i - 3] if i > 2 else 0
-        l1, h1 = (low[i - 1], high[i - 1]) if i > 0 else (1, 0)
-        l2, h2 = (low[i - 2], high[i - 2]) if i > 1 else (1, 0)
-        l3, h3 = (low[i - 3], high[i - 3]) if i > 2 else (1, 0)
-        for j in range(low[i], high[i] + 1):
+        low, high, o0 = _row(band, i)
+        l1, h1, o1 = _row(band, i - 1)
+        l2, h2, o2 = _row(band, i - 2)
+        l3, h3, o3 = _row(band, i - 3)
+        for j in range(low, high + 1):
             k = o0 + j
-            edge = i == 0 or j == 0
-            v_m, t_m = (1.0, 0) if edge else (0.0, 0)
-            v_d, t_d = (rates.open_both, 0) if edge else (0.0, 0)
-            v_a, t_a, v_b, t_b = 0.0, 0, 0.0, 0
-            if i > 0 and j >= l1 and j <= h1:
-                p = o1 + j
-                v_a, t_a = best[0, p] * rates.open_one, 1
-                if best[1, p] * rates.switch > v_a:
-                    v_a, t_a = best[1, p] * rates.switch, 2
-                if best[2, p] * rates.extend > v_a:
-                    v_a, t_a = best[2, p] * rates.extend, 3
-            if j > low[i]:
-                p = k - 1
-                v_b, t_b = best[0, p] * rates.open_one, 1
-                if best[1, p] * rates.switch > v_b:
-                    v_b, t_b = best[1, p] * rates.switch, 2
-                if best[3, p] * rates.extend > v_b:
-                    v_b, t_b = best[3, p] * rates.extend, 4
-            if i > 0 and j > 0 and j - 1 >= l1 and j - 1 <= h1:
+            v_m = begin if i == 0 or j == 0 else 0.0
+            v_d = v_m * t.open_both
+            v_a = v_b = 0.0
+            t_m = t_d = t_a = t_b = 0
+            if l1 <= j <= h1:
+                v_a, t_a = best[o1 + j, 0] * t.open_one, 1
+                if best[o1 + j, 1] * t.switch > v_a:
+                    v_a, t_a = best[o1 + j, 1] * t.switch, 2
+                if best[o1 + j, 2] * t.extend_one > v_a:
+                    v_a, t_a = best[o1 + j, 2] * t.extend_one, 3
+            if j > low:
+                v_b, t_b = best[k - 1, 0] * t.open_one, 1
+                if best[k - 1, 1] * t.switch > v_b:
+                    v_b, t_b = best[k - 1, 1] * t.switch, 2
+                if best[k - 1, 3] * t.extend_one > v_b:
+                    v_b, t_b = best[k - 1, 3] * t.extend_one, 4
+            if l1 <= j - 1 <= h1:
                 p = o1 + j - 1
-                w = best[0, p] * rates.open_both
-                if w > v_d:
-                    v_d, t_d = w, 1
-                w = best[1, p] * rates.extend
-                if w > v_d:
-                    v_d, t_d = w, 2
-                w = best[0, p] * rates.same * _density(y[j] - y[j - 1] - x[i] + x[i - 1], rates.sigma) * ra[i] * rb[j]
+                if best[p, 0] * t.open_both > v_d:
+                    v_d, t_d = best[p, 0] * t.open_both, 1
+                if best[p, 1] * t.extend > v_d:
+                    v_d, t_d = best[p, 1] * t.extend, 2
+                w = best[p, 0] * move_11(i, j, s, t)
                 if w > v_m:
                     v_m, t_m = w, 11
-            if i > 0 and j > 1 and j - 2 >= l1 and j - 2 <= h1:
-                r = y[j] - y[j - 2] - x[i] + x[i - 1]
-                w = best[0, o1 + j - 2] * _one_two(
-                    x[i] - x[i - 1], r, inv_a[i], inv_b[j], inv_b[j - 1], rates.missed_a, rates.false_b, rates.sigma
-                )
+            if l1 <= j - 2 <= h1:
+                w = best[o1 + j - 2, 0] * move_12(i, j, s, t)
                 if w > v_m:
                     v_m, t_m = w, 12
-            if i > 0 and j > 2 and j - 3 >= l1 and j - 3 <= h1:
-                r = y[j] - y[j - 3] - x[i] + x[i - 1]
-                w = best[0, o1 + j - 3] * _one_three(
-                    x[i] - x[i - 1], r, inv_a[i], inv_b[j], inv_b[j - 1], inv_b[j - 2], rates.missed_a, rates.false_b, rates.sigma
-                )
+            if l1 <= j - 3 <= h1:
+                w = best[o1 + j - 3, 0] * move_13(i, j, s, t)
                 if w > v_m:
                     v_m, t_m = w, 13
-            if i > 1 and j > 0 and j - 1 >= l2 and j - 1 <= h2:
-                r = y[j] - y[j - 1] - x[i] + x[i - 2]
-                w = best[0, o2 + j - 1] * q2 * _one_two(
-                    y[j] - y[j - 1], r, inv_b[j], inv_a[i], inv_a[i - 1], rates.missed_b, rates.false_a, rates.sigma
-                )
+            if l2 <= j - 1 <= h2:
+                w = best[o2 + j - 1, 0] * q2 * move_21(i, j, s, t)
                 if w > v_m:
                     v_m, t_m = w, 21
-            if i > 1 and j > 1 and j - 2 >= l2 and j - 2 <= h2:
-                r = y[j] - y[j - 2] - x[i] + x[i - 2]
-                shift = y[j - 1] - y[j - 2] - x[i - 1] + x[i - 2]
-                product = ra[i] * ra[i - 1] * rb[j] * rb[j - 1]
-                w = best[0, o2 + j - 2] * q2 * (_shift(shift, r, product, rates) * evidence(i - 1, j - 1, ev) + _strangers(r, product, rates))
+            if l2 <= j - 2 <= h2:
+                same, strangers = move_22(i, j, s, t)
+                if same > 0.0:
+                    same *= evidence(i - 1, j - 1, ev)
+                w = best[o2 + j - 2, 0] * q2 * (same + strangers)
                 if w > v_m:
                     v_m, t_m = w, 22
-            if i > 2 and j > 0 and j - 1 >= l3 and j - 1 <= h3:
-                r = y[j] - y[j - 1] - x[i] + x[i - 3]
-                w = best[0, o3 + j - 1] * q3 * _one_three(
-                    y[j] - y[j - 1], r, inv_b[j], inv_a[i], inv_a[i - 1], inv_a[i - 2], rates.missed_b, rates.false_a, rates.sigma
-                )
+            if l3 <= j - 1 <= h3:
+                w = best[o3 + j - 1, 0] * q3 * move_31(i, j, s, t)
                 if w > v_m:
                     v_m, t_m = w, 31
-            if v_d * rates.close > v_m:
-                v_m, t_m = v_d * rates.close, 2
-            if v_a * rates.close > v_m:
-                v_m, t_m = v_a * rates.close, 3
-            if v_b * rates.close > v_m:
-                v_m, t_m = v_b * rates.close, 4
+            if v_d * t.close > v_m:
+                v_m, t_m = v_d * t.close, 2
+            if v_a * t.close_one > v_m:
+                v_m, t_m = v_a * t.close_one, 3
+            if v_b * t.close_one > v_m:
+                v_m, t_m = v_b * t.close_one, 4
             v_m *= evidence(i, j, ev)
-            best[0, k], best[1, k], best[2, k], best[3, k] = v_m, v_d, v_a, v_b
-            back[0, k], back[1, k], back[2, k], back[3, k] = t_m, t_d, t_a, t_b
+            best[k, 0], best[k, 1], best[k, 2], best[k, 3] = v_m, v_d, v_a, v_b
+            back[k, 0], back[k, 1], back[k, 2], back[k, 3] = t_m, t_d, t_a, t_b
             top = max(top, v_m, v_d, v_a, v_b)
         if top <= 0.0:
             top = 1.0
-        for k in range(offset[i], offset[i + 1]):
-            for s in range(4):
-                best[s, k] /= top
+        for k in range(band.offset[i], band.offset[i + 1]):
+            for q in range(4):
+                best[k, q] /= top
         log_scale[i] = np.log(top) + (log_scale[i - 1] if i > 0 else 0.0)
         c2, c1 = c1, top
     return best, back, log_scale
 
 
 @njit(cache=True, error_model="numpy")
-def trace_back(best, back, log_scale, low, high, offset, m):
-    """Best path: partner of each weld of A (-1 none), the move that led to it, its log weight, and the least way to the band's edge."""
-    n = low.size
+def trace_back(best, back, log_scale, band, m):
+    """Best path: partner of each weld of A (-1 none), the move that led to it, its log weight, and its least way to the band's edge."""
+    n = band.low.size
     partner = np.full(n, -1, np.int64)
     move = np.zeros(n, np.int64)
-    top, i, j, state = -np.inf, n - 1, m - 1, 0
+    top, i, j, state = -np.inf, -1, -1, 0
     for r in range(n):
-        for c in range(low[r], high[r] + 1):
-            if r == n - 1 or c == m - 1:
-                for s in range(4):
-                    v = best[s, offset[r] + c - low[r]]
-                    if v > 0.0 and np.log(v) + log_scale[r] > top:
-                        top, i, j, state = np.log(v) + log_scale[r], r, c, s
+        for c in range(band.low[r] if r == n - 1 else max(m - 1, band.low[r]), band.high[r] + 1):
+            for q in range(4):
+                v = best[band.offset[r] + c - band.low[r], q]
+                if v > 0.0 and np.log(v) + log_scale[r] > top:
+                    top, i, j, state = np.log(v) + log_scale[r], r, c, q
     slack = m
-    while i >= 0 and j >= 0 and top > -np.inf:
-        t = back[state, offset[i] + j - low[i]]
-        if low[i] > 0:
-            slack = min(slack, j - low[i])
-        if high[i] < m - 1:
-            slack = min(slack, high[i] - j)
+    while i >= 0 and j >= 0:
+        t = back[band.offset[i] + j - band.low[i], state]
+        if band.low[i] > 0:
+            slack = min(slack, j - band.low[i])
+        if band.high[i] < m - 1:
+            slack = min(slack, band.high[i] - j)
         if state == 0:
             partner[i], move[i] = j, t
+            if t == 0:
+                break
             if t >= 11:
                 i, j = i - t // 10, j - t % 10
-            elif t == 0:
-                break
             else:
                 state = t - 1
-                partner[i], move[i] = j, t
         elif t == 0:
             break
         else:
-            if state == 1:
-                i, j = i - 1, j - 1
-            elif state == 2:
-                i -= 1
-            else:
-                j -= 1
+            i, j = i - (state != 3), j - (state != 2)
             state = t - 1
     return partner, move, top, slack
 
 
 @njit(cache=True, error_model="numpy")
-def forward(x, y, inv_a, inv_b, low, high, offset, rates, ev):
-    """Sum over all paths to every cell of the band, in units of the row: (4, cells), row normalisers (n), log of the total."""
-    n, m = x.size, y.size
-    total = np.zeros((4, offset[n]), np.float64)
+def forward(s, band, t, ev):
+    """Sum over all paths to every cell of the band.
+
+    Returns
+    -------
+    total : (cells, 4) in units of the row.
+    norm : (n) unit of each row in units of the row before.
+    log_scale : (n) logarithm of the unit of each row.
+    log_total : logarithm of the weight of all alignments; that of none at all, both runs strangers, is 0.
+    """
+    n, m = s.x.size, s.y.size
+    total = np.zeros((band.offset[n], 4))
     norm = np.ones(n)
     log_scale = np.zeros(n)
-    ra, rb = np.sqrt(inv_a), np.sqrt(inv_b)
     c1 = c2 = 1.0
     for i in range(n):
         q2, q3 = 1.0 / c1, 1.0 / (c1 * c2)
+        begin = np.exp(-max(log_scale[i - 1], -600.0)) if i > 0 else 1.0
         top = 0.0
-        o0 = offset[i] - low[i]
-        o1 = offset[i - 1] - low[i - 1] if i > 0 else 0
-        o2 = offset[i - 2] - low[i - 2] if i > 1 else 0
-        o3 = offset[i - 3] - low[i - 3] if i > 2 else 0
-        l1, h1 = (low[i - 1], high[i - 1]) if i > 0 else (1, 0)
-        l2, h2 = (low[i - 2], high[i - 2]) if i > 1 else (1, 0)
-        l3, h3 = (low[i - 3], high[i - 3]) if i > 2 else (1, 0)
-        for j in range(low[i], high[i] + 1):
+        low, high, o0 = _row(band, i)
+        l1, h1, o1 = _row(band, i - 1)
+        l2, h2, o2 = _row(band, i - 2)
+        l3, h3, o3 = _row(band, i - 3)
+        for j in range(low, high + 1):
             k = o0 + j
-            edge = i == 0 or j == 0
-            v_m = 1.0 if edge else 0.0
-            v_d = rates.open_both if edge else 0.0
+            v_m = begin if i == 0 or j == 0 else 0.0
+            v_d = v_m * t.open_both
             v_a = v_b = 0.0
-            if i > 0 and j >= l1 and j <= h1:
-                p = o1 + j
-                v_a = total[0, p] * rates.open_one + total[1, p] * rates.switch + total[2, p] * rates.extend
-            if j > low[i]:
-                p = k - 1
-                v_b = total[0, p] * rates.open_one + total[1, p] * rates.switch + total[3, p] * rates.extend
-            if i > 0 and j > 0 and j - 1 >= l1 and j - 1 <= h1:
+            if l1 <= j <= h1:
+                v_a = total[o1 + j, 0] * t.open_one + total[o1 + j, 1] * t.switch + total[o1 + j, 2] * t.extend_one
+            if j > low:
+                v_b = total[k - 1, 0] * t.open_one + total[k - 1, 1] * t.switch + total[k - 1, 3] * t.extend_one
+            if l1 <= j - 1 <= h1:
                 p = o1 + j - 1
-                v_d += total[0, p] * rates.open_both + total[1, p] * rates.extend
-                v_m += total[0, p] * rates.same * _density(y[j] - y[j - 1] - x[i] + x[i - 1], rates.sigma) * ra[i] * rb[j]
-            if i > 0 and j > 1 and j - 2 >= l1 and j - 2 <= h1:
-                r = y[j] - y[j - 2] - x[i] + x[i - 1]
-                v_m += total[0, o1 + j - 2] * _one_two(
-                    x[i] - x[i - 1], r, inv_a[i], inv_b[j], inv_b[j - 1], rates.missed_a, rates.false_b, rates.sigma
-                )
-            if i > 0 and j > 2 and j - 3 >= l1 and j - 3 <= h1:
-                r = y[j] - y[j - 3] - x[i] + x[i - 1]
-                v_m += total[0, o1 + j - 3] * _one_three(
-                    x[i] - x[i - 1], r, inv_a[i], inv_b[j], inv_b[j - 1], inv_b[j - 2], rates.missed_a, rates.false_b, rates.sigma
-                )
-            if i > 1 and j > 0 and j - 1 >= l2 and j - 1 <= h2:
-                r = y[j] - y[j - 1] - x[i] + x[i - 2]
-                v_m += total[0, o2 + j - 1] * q2 * _one_two(
-                    y[j] - y[j - 1], r, inv_b[j], inv_a[i], inv_a[i - 1], rates.missed_b, rates.false_a, rates.sigma
-                )
-            if i > 1 and j > 1 and j - 2 >= l2 and j - 2 <= h2:
-                r = y[j] - y[j - 2] - x[i] + x[i - 2]
-                shift = y[j - 1] - y[j - 2] - x[i - 1] + x[i - 2]
-                product = ra[i] * ra[i - 1] * rb[j] * rb[j - 1]
-                v_m += total[0, o2 + j - 2] * q2 * (_shift(shift, r, product, rates) * evidence(i - 1, j - 1, ev) + _strangers(r, product, rates))
-            if i > 2 and j > 0 and j - 1 >= l3 and j - 1 <= h3:
-                r = y[j] - y[j - 1] - x[i] + x[i - 3]
-                v_m += total[0, o3 + j - 1] * q3 * _one_three(
-                    y[j] - y[j - 1], r, inv_b[j], inv_a[i], inv_a[i - 1], inv_a[i - 2], rates.missed_b, rates.false_a, rates.sigma
-                )
-            v_m = (v_m + rates.close * (v_d + v_a + v_b)) * evidence(i, j, ev)
-            total[0, k], total[1, k], total[2, k], total[3, k] = v_m, v_d, v_a, v_b
+                v_d += total[p, 0] * t.open_both + total[p, 1] * t.extend
+                v_m += total[p, 0] * move_11(i, j, s, t)
+            if l1 <= j - 2 <= h1:
+                v_m += total[o1 + j - 2, 0] * move_12(i, j, s, t)
+            if l1 <= j - 3 <= h1:
+                v_m += total[o1 + j - 3, 0] * move_13(i, j, s, t)
+            if l2 <= j - 1 <= h2:
+                v_m += total[o2 + j - 1, 0] * q2 * move_21(i, j, s, t)
+            if l2 <= j - 2 <= h2:
+                same, strangers = move_22(i, j, s, t)
+                if same > 0.0:
+                    same *= evidence(i - 1, j - 1, ev)
+                v_m += total[o2 + j - 2, 0] * q2 * (same + strangers)
+            if l3 <= j - 1 <= h3:
+                v_m += total[o3 + j - 1, 0] * q3 * move_31(i, j, s, t)
+            v_m = (v_m + t.close * v_d + t.close_one * (v_a + v_b)) * evidence(i, j, ev)
+            total[k, 0], total[k, 1], total[k, 2], total[k, 3] = v_m, v_d, v_a, v_b
             top = max(top, v_m, v_d, v_a, v_b)
         if top <= 0.0:
             top = 1.0
-        for s in range(4):
-            for k in range(offset[i], offset[i + 1]):
-                total[s, k] /= top
+        for k in range(band.offset[i], band.offset[i + 1]):
+            for q in range(4):
+                total[k, q] /= top
         norm[i] = top
         log_scale[i] = np.log(top) + (log_scale[i - 1] if i > 0 else 0.0)
         c2, c1 = c1, top
-    return total, norm, log_scale, _log_total(total, log_scale, low, high, offset, m)
+    return total, norm, log_scale, _log_total(total, log_scale, band, m)
 
 
 @njit(cache=True, error_model="numpy")
-def _log_total(total, log_scale, low, high, offset, m):
+def _log_total(total, log_scale, band, m):
     """Logarithm of the sum over all cells and states in which an alignment may end."""
-    n = low.size
+    n = band.low.size
     top, rest = -np.inf, 0.0
     for i in range(n):
-        first = low[i] if i == n - 1 else m - 1
-        if first > high[i]:
-            continue
         v = 0.0
-        for j in range(first, high[i] + 1):
-            for s in range(4):
-                v += total[s, offset[i] + j - low[i]]
+        for j in range(band.low[i] if i == n - 1 else max(m - 1, band.low[i]), band.high[i] + 1):
+            for q in range(4):
+                v += total[band.offset[i] + j - band.low[i], q]
         if v <= 0.0:
             continue
         v = np.log(v) + log_scale[i]
@@ -371,7 +408,7 @@ def _log_total(total, log_scale, low, high, offset, m):
 
 
 @njit(cache=True, error_model="numpy")
-def backward(x, y, inv_a, inv_b, low, high, offset, rates, ev, total, norm, log_scale, log_total):
+def backward(s, band, t, ev, total, norm, log_scale, log_total):
     """Posterior of every cell of the band.
 
     Returns
@@ -379,82 +416,60 @@ def backward(x, y, inv_a, inv_b, low, high, offset, rates, ev, total, norm, log_
     match : (cells) probability that weld i of A and weld j of B are one, a displaced weld included.
     shifted : (cells) the part of it in which the weld is displaced.
     """
-    n, m = x.size, y.size
-    match = np.zeros(offset[n], np.float32)
-    shifted = np.zeros(offset[n], np.float32)
-    width = 0
-    for i in range(n):
-        width = max(width, high[i] - low[i] + 1)
-    rest = np.zeros((4, 4, width))  # state, row modulo 4
-    ra, rb = np.sqrt(inv_a), np.sqrt(inv_b)
+    n, m = s.x.size, s.y.size
+    match = np.zeros(band.offset[n], np.float32)
+    shifted = np.zeros(band.offset[n], np.float32)
+    rest = np.zeros((4, (band.high - band.low).max() + 1, 4))  # row modulo 4, column, state
     for i in range(n - 1, -1, -1):
-        row = i % 4
-        r1, r2, r3 = (i + 1) % 4, (i + 2) % 4, (i + 3) % 4
+        now, r1, r2, r3 = i % 4, (i + 1) % 4, (i + 2) % 4, (i + 3) % 4
         q1 = 1.0 / norm[i + 1] if i + 1 < n else 0.0
         q2 = q1 / norm[i + 2] if i + 2 < n else 0.0
         q3 = q2 / norm[i + 3] if i + 3 < n else 0.0
-        l1, h1 = (low[i + 1], high[i + 1]) if i + 1 < n else (1, 0)
-        l2, h2 = (low[i + 2], high[i + 2]) if i + 2 < n else (1, 0)
-        l3, h3 = (low[i + 3], high[i + 3]) if i + 3 < n else (1, 0)
+        low, high, o0 = _row(band, i)
+        l1, h1, o1 = _row(band, i + 1)
+        l2, h2, _ = _row(band, i + 2)
+        l3, h3, _ = _row(band, i + 3)
         last = np.exp(min(log_scale[i] - log_total, 600.0))
-        for j in range(high[i], low[i] - 1, -1):
-            c = j - low[i]
-            k = offset[i] + c
+        for j in range(high, low - 1, -1):
+            k = o0 + j
             end = last if i == n - 1 or j == m - 1 else 0.0
             v_m, v_d, v_a, v_b = end, end, end, end
-            if j >= l1 and j <= h1:
-                w = rest[2, r1, j - l1] * q1
-                v_m += w * rates.open_one
-                v_d += w * rates.switch
-                v_a += w * rates.extend
-            if j < high[i]:
-                w = rest[3, row, c + 1]
-                v_m += w * rates.open_one
-                v_d += w * rates.switch
-                v_b += w * rates.extend
-            if j + 1 >= l1 and j + 1 <= h1:
-                w = rest[1, r1, j + 1 - l1] * q1
-                v_m += w * rates.open_both
-                v_d += w * rates.extend
-                f = rates.same * _density(y[j + 1] - y[j] - x[i + 1] + x[i], rates.sigma) * ra[i + 1] * rb[j + 1]
-                v_m += rest[0, r1, j + 1 - l1] * q1 * f
-            if j + 2 >= l1 and j + 2 <= h1:
-                r = y[j + 2] - y[j] - x[i + 1] + x[i]
-                v_m += rest[0, r1, j + 2 - l1] * q1 * _one_two(
-                    x[i + 1] - x[i], r, inv_a[i + 1], inv_b[j + 2], inv_b[j + 1], rates.missed_a, rates.false_b, rates.sigma
-                )
-            if j + 3 >= l1 and j + 3 <= h1:
-                r = y[j + 3] - y[j] - x[i + 1] + x[i]
-                v_m += rest[0, r1, j + 3 - l1] * q1 * _one_three(
-                    x[i + 1] - x[i], r, inv_a[i + 1], inv_b[j + 3], inv_b[j + 2], inv_b[j + 1], rates.missed_a, rates.false_b, rates.sigma
-                )
-            if j + 1 >= l2 and j + 1 <= h2:
-                r = y[j + 1] - y[j] - x[i + 2] + x[i]
-                v_m += rest[0, r2, j + 1 - l2] * q2 * _one_two(
-                    y[j + 1] - y[j], r, inv_b[j + 1], inv_a[i + 2], inv_a[i + 1], rates.missed_b, rates.false_a, rates.sigma
-                )
-            if j + 2 >= l2 and j + 2 <= h2:
-                r = y[j + 2] - y[j] - x[i + 2] + x[i]
-                shift = y[j + 1] - y[j] - x[i + 1] + x[i]
-                product = ra[i + 2] * ra[i + 1] * rb[j + 2] * rb[j + 1]
-                same = _shift(shift, r, product, rates) * evidence(i + 1, j + 1, ev)
-                w = rest[0, r2, j + 2 - l2] * q2
-                v_m += w * (same + _strangers(r, product, rates))
-                if j + 1 >= l1 and j + 1 <= h1:
-                    p = offset[i + 1] + j + 1 - l1
-                    shifted[p] += np.float32(total[0, k] * w * same)
-            if j + 1 >= l3 and j + 1 <= h3:
-                r = y[j + 1] - y[j] - x[i + 3] + x[i]
-                v_m += rest[0, r3, j + 1 - l3] * q3 * _one_three(
-                    y[j + 1] - y[j], r, inv_b[j + 1], inv_a[i + 3], inv_a[i + 2], inv_a[i + 1], rates.missed_b, rates.false_a, rates.sigma
-                )
-            match[k] = total[0, k] * v_m
-            e = evidence(i, j, ev)
-            # what is kept: weight of everything after the cell, once the cell's own evidence and the closing of a gap are counted
-            rest[0, row, c] = v_m * e
-            rest[1, row, c] = v_d + rates.close * v_m * e
-            rest[2, row, c] = v_a + rates.close * v_m * e
-            rest[3, row, c] = v_b + rates.close * v_m * e
-    for k in range(offset[n]):
+            if l1 <= j <= h1:
+                w = rest[r1, j - l1, 2] * q1
+                v_m += w * t.open_one
+                v_d += w * t.switch
+                v_a += w * t.extend_one
+            if j < high:
+                w = rest[now, j + 1 - low, 3]
+                v_m += w * t.open_one
+                v_d += w * t.switch
+                v_b += w * t.extend_one
+            if l1 <= j + 1 <= h1:
+                w = rest[r1, j + 1 - l1, 1] * q1
+                v_m += w * t.open_both + rest[r1, j + 1 - l1, 0] * q1 * move_11(i + 1, j + 1, s, t)
+                v_d += w * t.extend
+            if l1 <= j + 2 <= h1:
+                v_m += rest[r1, j + 2 - l1, 0] * q1 * move_12(i + 1, j + 2, s, t)
+            if l1 <= j + 3 <= h1:
+                v_m += rest[r1, j + 3 - l1, 0] * q1 * move_13(i + 1, j + 3, s, t)
+            if l2 <= j + 1 <= h2:
+                v_m += rest[r2, j + 1 - l2, 0] * q2 * move_21(i + 2, j + 1, s, t)
+            if l2 <= j + 2 <= h2:
+                w = rest[r2, j + 2 - l2, 0] * q2
+                same, strangers = move_22(i + 2, j + 2, s, t)
+                if same > 0.0:
+                    same *= evidence(i + 1, j + 1, ev)
+                v_m += w * (same + strangers)
+                if l1 <= j + 1 <= h1:
+                    shifted[o1 + j + 1] += np.float32(total[k, 0] * w * same)
+            if l3 <= j + 1 <= h3:
+                v_m += rest[r3, j + 1 - l3, 0] * q3 * move_31(i + 3, j + 1, s, t)
+            match[k] = total[k, 0] * v_m
+            # weight of everything behind the cell, its own evidence and the end of a replaced stretch counted
+            after = v_m * evidence(i, j, ev)
+            c = j - low
+            rest[now, c, 0], rest[now, c, 1] = after, v_d + t.close * after
+            rest[now, c, 2], rest[now, c, 3] = v_a + t.close_one * after, v_b + t.close_one * after
+    for k in range(band.offset[n]):
         match[k] = min(match[k] + shifted[k], 1.0)
     return match, shifted

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -102,15 +102,14 @@ def _align_one_way(x, b, seeds: Seeds | None, options, ev, direction, unit):
         warped = warp(x, x[i] + 1e-9, local)
         warped += np.median(b[j] - warped[i])
     rates = first_rates(sigma=0.06)
-    model = LengthModel(rates, length_density(warped, b, sigma=0.05))
+    model = LengthModel(rates, *length_density(warped, b, sigma=0.05))
     half = options.band_half_width
     partner = moves = None
     for _ in range(2):
         while True:
-            low, high, offset = band(n, m, i, j, half)
-            inv_a, inv_b = model.inverse_density(warped), model.inverse_density(b)
-            filled = _kernels.fill(warped, b, inv_a, inv_b, low, high, offset, model.rates, ev)
-            partner, moves, _, slack = _kernels.trace_back(*filled, low, high, offset, m)
+            strip = band(n, m, i, j, half)
+            filled = _kernels.fill(model.lists(warped, b), strip, model.rates, ev)
+            partner, moves, _, slack = _kernels.trace_back(*filled, strip, m)
             if slack > 0 or half > 256 or not i.size:
                 break
             half *= 2
@@ -119,13 +118,12 @@ def _align_one_way(x, b, seeds: Seeds | None, options, ev, direction, unit):
         if seeds is None and good.size:
             i, j = good, partner[good]
             half = max(half, 12)
-    low, high, offset = band(n, m, i, j, half)
-    inv_a, inv_b = model.inverse_density(warped), model.inverse_density(b)
-    forward = _kernels.forward(warped, b, inv_a, inv_b, low, high, offset, model.rates, ev)
-    match, shifted = _kernels.backward(warped, b, inv_a, inv_b, low, high, offset, model.rates, ev, *forward)
+    strip, both = band(n, m, i, j, half), model.lists(warped, b)
+    forward = _kernels.forward(both, strip, model.rates, ev)
+    match, shifted = _kernels.backward(both, strip, model.rates, ev, *forward)
     kept = np.flatnonzero(match > _KEPT)
-    row = np.searchsorted(offset, kept, side="right") - 1
-    col = low[row] + kept - offset[row]
+    row = np.searchsorted(strip.offset, kept, side="right") - 1
+    col = strip.low[row] + kept - strip.offset[row]
     col_given = col if direction > 0 else m - 1 - col
     decided = np.full(n, -1, np.int64)
     sure = match[kept] > 0.5
@@ -158,15 +156,15 @@ def _by_scale_grid(x, b, options, ev):
     """Without seeds: the scale of a grid whose whole-matrix alignment weighs most."""
     n, m = x.size, b.size
     empty = np.empty(0, np.int64)
-    low, high, offset = band(n, m, empty, empty, 0)
+    strip = band(n, m, empty, empty, 0)
     rates = first_rates(sigma=0.08)
     best, kept = -np.inf, x - x[0]
     cells = max(n * m, 1)
     steps = int(np.clip(40_000_000 // cells, 5, 41))
     for scale in 1.0 + np.linspace(-options.scale_range, options.scale_range, steps | 1):
         warped = (x - x[0]) * scale
-        model = LengthModel(rates, length_density(warped, b, sigma=0.05))
-        weight = _kernels.forward(warped, b, model.inverse_density(warped), model.inverse_density(b), low, high, offset, rates, ev)[3]
+        model = LengthModel(rates, *length_density(warped, b, sigma=0.05))
+        weight = _kernels.forward(model.lists(warped, b), strip, rates, ev)[3]
         if weight > best:
             best, kept = weight, warped
     return kept, empty, empty
@@ -185,7 +183,9 @@ def _learn(x, b, warped, partner, moves, model):
     residual = dy - (new[at] - new[at - 1])
     edits = int(np.count_nonzero((moves >= 1) & (moves <= 4)))
     sigma = noise(residual)
-    return new, reestimate(model, residual, moves, edits, length_density(new, b, sigma=max(sigma if np.isfinite(sigma) else 0.05, 0.01)))
+    smooth = max(sigma if np.isfinite(sigma) else 0.05, 0.01)
+    density, own, floor = length_density(new, b, sigma=smooth)
+    return new, replace(reestimate(model, residual, moves, edits), density=density, own=own, floor=floor)
 
 
 def _check_same_line(result: PairAlignment, x, y, names, options) -> None:

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from deform.correlate._kernels import Rates
+from deform.correlate._kernels import BIN, Lists, Rates
 
-_BIN = 0.01  # metre
-_BROAD = 0.08  # share of the density that is spread over all lengths: what no joint before has shown
+_BROAD, _UNIFORM = 0.10, 0.03  # shares of the density that are smoothed by half a metre, and spread over all lengths
+_HALF_METRE = 0.5
 _LEAST_SIGMA, _MOST_SIGMA = 0.004, 0.5  # metre
 
 
@@ -21,22 +21,31 @@ class LengthModel:
     ----------
     rates : noise of a joint's length difference (metre, scale of Student's t with 3 degrees of freedom) and weights of the moves.
     density : density of joint lengths (1/m) in bins of 1 cm from zero.
+    own : what one joint, in both runs, adds to the density at its own length (1/m): taken off before a joint is judged by it.
+    floor : broad part of the density (1/m), below which it does not fall.
     """
 
     rates: Rates
     density: np.ndarray
+    own: float
+    floor: np.ndarray
+
+    def lists(self, x: np.ndarray, y: np.ndarray) -> Lists:
+        """Two weld lists on one scale with their densities, for the kernels."""
+        inv_a, inv_b = self.inverse_density(x), self.inverse_density(y)
+        return Lists(x, y, inv_a, inv_b, np.sqrt(inv_a), np.sqrt(inv_b), self.density)
 
     def inverse_density(self, places: np.ndarray) -> np.ndarray:
-        """One over the density at the joint that ends at each weld (metre); 1 at the first weld."""
+        """One over the density at the joint that ends at each weld (metre), that joint left out; 1 at the first weld."""
         inverse = np.ones(places.size)
         if places.size > 1:
-            inverse[1:] = 1.0 / self.density[np.minimum((np.diff(places) / _BIN).astype(int), self.density.size - 1)]
+            k = np.minimum((np.diff(places) / BIN).astype(int), self.density.size - 1)
+            inverse[1:] = 1.0 / np.maximum(self.density[k] - self.own, self.floor[k])
         return inverse
 
 
 def first_rates(sigma: float = 0.05, missed: float = 0.01, false: float = 0.01, edit: float = 2e-3) -> Rates:
-    """Rates before any data were seen: one edit in 500 joints, of some 8 joints."""
-    extend = 0.88
+    """Rates before any data were seen: one edit in 500 joints, of some 7 joints, old and new often different in number."""
     return Rates(
         sigma=sigma,
         same=0.95,
@@ -46,32 +55,38 @@ def first_rates(sigma: float = 0.05, missed: float = 0.01, false: float = 0.01, 
         false_b=false,
         shifted=1e-3,
         shift_m=0.4,
-        middle=1e-2,
         open_both=edit,
         open_one=edit / 10.0,
-        extend=extend,
-        switch=0.03,
-        close=1.0 - extend,
+        extend=0.86,
+        switch=0.045,
+        close=0.05,
+        extend_one=0.75,
+        close_one=0.25,
     )
 
 
-def length_density(*places: np.ndarray, sigma: float) -> np.ndarray:
-    """Density of joint lengths (1/m) of all runs together, smoothed by the noise, in bins of 1 cm.
+def length_density(*places: np.ndarray, sigma: float) -> tuple[np.ndarray, float, np.ndarray]:
+    """Density of joint lengths (1/m) of all runs in bins of 1 cm, what one joint of two runs adds to it, and its broad part.
 
     Notes
     -----
-    The histogram is convolved with a Gaussian of the noise of one run's length, and mixed with a broad part (8 %), so that a
-    length never seen is unlikely but not impossible.
+    The histogram is convolved with a Gaussian of the noise of one run's length, mixed with the same smoothed by half a metre (10 %)
+    and with a uniform part (3 %), so that a length never seen is unlikely but not impossible.
     """
     lengths = np.concatenate([np.diff(p) for p in places]) if places else np.empty(0)
     lengths = lengths[(lengths > 0) & (lengths < 60.0)]
     most = max(30.0, float(lengths.max(initial=0.0)) * 1.2)
-    n = int(most / _BIN) + 1
-    counts = np.bincount((lengths / _BIN).astype(int), minlength=n)[:n].astype(float)
-    half = int(np.ceil(4.0 * sigma / _BIN))
-    kernel = np.exp(-0.5 * (np.arange(-half, half + 1) * _BIN / sigma) ** 2)
-    smooth = np.convolve(counts, kernel / kernel.sum(), mode="same") if lengths.size else counts
-    return (1.0 - _BROAD) * smooth / max(lengths.size, 1) / _BIN + _BROAD / most
+    counts = np.bincount((lengths / BIN).astype(int), minlength=int(most / BIN) + 1).astype(float)
+    n = max(lengths.size, 1)
+    narrow = (1.0 - _BROAD - _UNIFORM) / n / BIN
+    floor = _BROAD / n / BIN * _smooth(counts, _HALF_METRE) + _UNIFORM / most
+    return narrow * _smooth(counts, sigma) + floor, 2.0 * narrow * BIN / (sigma * np.sqrt(2.0 * np.pi)), floor
+
+
+def _smooth(counts: np.ndarray, sigma: float) -> np.ndarray:
+    half = int(np.ceil(4.0 * sigma / BIN))
+    kernel = np.exp(-0.5 * (np.arange(-half, half + 1) * BIN / sigma) ** 2)
+    return np.convolve(counts, kernel / kernel.sum(), mode="same")
 
 
 def local_scale(x: np.ndarray, y: np.ndarray, places: np.ndarray, half_window: int = 25, most: float = 0.03) -> np.ndarray:
@@ -123,7 +138,7 @@ def noise(residuals: np.ndarray) -> float:
     return sigma
 
 
-def reestimate(model: LengthModel, residuals: np.ndarray, moves: np.ndarray, n_edits: int, density: np.ndarray) -> LengthModel:
+def reestimate(model: LengthModel, residuals: np.ndarray, moves: np.ndarray, n_edits: int) -> LengthModel:
     """Noise and rates anew from the moves of a path (each rate drawn towards its prior by a few counts)."""
     count = {code: int(np.count_nonzero(moves == code)) for code in (11, 12, 21, 13, 31, 22)}
     joints = count[11] + 2 * (count[12] + count[21] + count[22]) + 3 * (count[13] + count[31])
@@ -146,4 +161,4 @@ def reestimate(model: LengthModel, residuals: np.ndarray, moves: np.ndarray, n_e
     )
     rates = rates._replace(open_one=rates.open_both / 10.0)
     same = 1.0 - rates.missed_a - rates.missed_b - rates.false_a - rates.false_b - rates.shifted - rates.open_both
-    return replace(model, rates=rates._replace(same=max(same, 0.5)), density=density)
+    return replace(model, rates=rates._replace(same=max(same, 0.5)))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deform.correlate._kernels import BIN, Band
 from deform.correlate._seed_kernels import heaviest_chain, search
 from deform.correlate.length_model import length_density
 
@@ -13,7 +14,6 @@ _LONG = 8  # joints of a window that must be found anywhere in the other run
 _SHORT = 4  # joints of a window that must be found near its expected place
 _WINDOWS = 96  # long windows that are looked for
 _TOLERANCE = 0.22  # metre, of one joint's length
-_BIN = 0.01  # metre
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,8 @@ def find_seeds(x: np.ndarray, y: np.ndarray, scale_range: float, directions: tup
     return Seeds(direction, scale, i, j, local, (weight, trials[1][0] if len(trials) > 1 else 0.0))
 
 
-def band(n: int, m: int, i: np.ndarray, j: np.ndarray, half_width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return first and last column of each row, and where each row begins in the flat arrays.
+def band(n: int, m: int, i: np.ndarray, j: np.ndarray, half_width: int) -> Band:
+    """Return the band of the alignment.
 
     Between two anchors a row holds the diagonals of both, and all columns between them; it is wider where anchors are far apart.
     """
@@ -81,13 +81,13 @@ def band(n: int, m: int, i: np.ndarray, j: np.ndarray, half_width: int) -> tuple
         low, high = np.maximum.accumulate(np.clip(low, 0, m - 1)), np.clip(high, 0, m - 1)
         high = np.maximum.accumulate(np.maximum(high, low))
     offset = np.concatenate([[0], np.cumsum(high - low + 1)])
-    return low.astype(np.int64), high.astype(np.int64), offset.astype(np.int64)
+    return Band(low.astype(np.int64), high.astype(np.int64), offset.astype(np.int64))
 
 
-def _information(x: np.ndarray, y: np.ndarray, scale: float = 1.0) -> np.ndarray:
+def _information(x: np.ndarray) -> np.ndarray:
     """Nats that each joint of A tells when its length is met again within the tolerance."""
-    density = length_density(x, sigma=0.05)
-    k = np.minimum((np.diff(x) / _BIN).astype(int), density.size - 1)
+    density = length_density(x, sigma=0.05)[0]
+    k = np.minimum((np.diff(x) / BIN).astype(int), density.size - 1)
     return np.maximum(-np.log(np.minimum(density[k] * _TOLERANCE, 1.0)), 0.0)
 
 
@@ -104,7 +104,7 @@ def _long_chain(x, y, least, most):
     k = min(_LONG, x.size - 1, y.size - 1)
     if k < 3:
         return None
-    information = _information(x, y)
+    information = _information(x)
     starts = _window_starts(x, information, k, _WINDOWS)
     all_b = np.full(starts.size, y.size)
     window, j, scale, misfit = search(
@@ -151,7 +151,7 @@ def _near_chain(x, y, i0, j0, scale):
     window, j, local, misfit = search(x, y, starts, first, last, k, least, least * 1.05 / 0.975, _TOLERANCE, 6)
     if not window.size:
         return i0, j0, np.full(i0.size, scale)
-    information = _information(x, y)
+    information = _information(x)
     told = np.concatenate([[0.0], np.cumsum(information)])
     i = starts[window]
     often = np.bincount(window, minlength=starts.size)[window]
