@@ -1,4 +1,4 @@
-"""Runs of one line and their matching in, what changed between them out: dataset, zones, dents, joints and the limits of detection."""
+"""Runs of one line and their matching in, what changed between them out: dataset, zones, dents, joints, limits of detection."""
 
 from __future__ import annotations
 
@@ -71,9 +71,10 @@ def compare(
 
     Notes
     -----
-    Each run is brought to the steel of the reference run (`stack`), its difference freed of the drift of the two trajectories by the
-    pipe that did not move (`datum`), movements are searched in position and curvature together (`wavelength`, `zones`), and every
-    derived number gets its sigma from the stable pipe of the pair itself (`noise_floor`). A listing tells only what it holds.
+    Each run is brought to the steel of the reference run (`stack`), its difference freed of the drift of the two trajectories
+    by the pipe that did not move (`datum`), movements are searched in position and curvature together (`wavelength`,
+    `zones`), and every derived number gets its sigma from the stable pipe of the pair itself (`noise_floor`). A listing tells
+    only what it holds.
     """
     options = options or ChangeOptions()
     runs = _in_order(runs, matching)
@@ -178,7 +179,8 @@ def _what_is_missing(ground: Layer, other: Layer) -> list[str]:
         and abs(ground.gauge_length - other.gauge_length) > 0.01
     ):
         remarks.append(
-            f"{other.run}: curvature over {other.gauge_length:g} m, {ground.run} over {ground.gauge_length:g} m: not the same quantity in bends"
+            f"{other.run}: curvature over {other.gauge_length:g} m, {ground.run} over {ground.gauge_length:g} m:"
+            " not the same quantity in bends"
         )
     if other.date == ground.date:
         remarks.append(f"{other.run} and {ground.run} are of one day: their difference is noise, and carries no rate")
@@ -229,8 +231,8 @@ class _Values:
         dates = [str(run.attrs.get("date", "")) for run in runs]
         values = {"epoch": names, "date": dates, "chainage": axis, **self.arrays, "stable": self.stable}
         ds = build.dataset("comparison", values, reference=reference, dates=", ".join(dates))
-        for name in ds.data_vars:
-            if str(name).startswith(("curvature_change", "bending_strain_change")):
-                ds[name].attrs["gauge_length_m"] = gauge
+        for variable in ds.data_vars:
+            if str(variable).startswith(("curvature_change", "bending_strain_change")):
+                ds[variable].attrs["gauge_length_m"] = gauge
         history.append(ds.attrs, f"{len(names)} runs compared with {reference}")
         return ds

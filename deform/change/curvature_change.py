@@ -72,9 +72,8 @@ def curvature_change(
 
 def _formal(reference: Layer, other: Layer, name: str, change: Floats) -> Floats:
     """Root sum of squares of the stated sigmas, one for all where a run states none."""
-    parts = [run.values.get(f"{name}_sigma") for run in (reference, other)]
-    if all(part is not None for part in parts):
-        formal = np.hypot(*parts)
+    if reference.has(f"{name}_sigma") and other.has(f"{name}_sigma"):
+        formal = np.hypot(reference.values[f"{name}_sigma"], other.values[f"{name}_sigma"])
         if (formal[np.isfinite(change)] > 0).all():
             return formal
     return np.where(np.isfinite(change), 1.0, np.nan)

@@ -68,9 +68,9 @@ def drift_model(difference: Floats, tangent: Floats, right: Floats, lift: Floats
 
     Notes
     -----
-    A relative heading that walks at random with intensity q makes a lateral drift whose second difference over the lag h has the
-    variance 2 q h³ / 3; white noise r adds 6 r. The median of the squared second difference (as 1.4826 MAD) leaves out what moved.
-    The short noise is read at 10 m, the drift at the lags from 60 to 400 m that the line can show.
+    A relative heading that walks at random with intensity q makes a lateral drift whose second difference over the lag h has
+    the variance 2 q h³ / 3; white noise r adds 6 r. The median of the squared second difference (as 1.4826 MAD) leaves out
+    what moved. The short noise is read at 10 m, the drift at the lags from 60 to 400 m that the line can show.
     """
     value = np.where(usable[:, None], difference, np.nan)
     axes = (right / np.maximum(np.linalg.norm(right, axis=1, keepdims=True), 1e-9), lift, tangent)
@@ -117,10 +117,10 @@ def fit_drift(
 
     Notes
     -----
-    State: drift of the place and relative heading, pitch and scale; d(drift)/ds = heading * right + pitch * lift + scale * tangent,
-    the last three random walks. Kalman filter and Rauch–Tung–Striebel smoother over nodes that are means over about ten metres,
-    with a diffuse beginning: the datum is carried by the stable pipe alone (an S-transformation onto it), so that the markers of the
-    two runs have no part in the difference beyond the drift, and pipe that moved has none in the datum.
+    State: drift of the place and relative heading, pitch and scale; d(drift)/ds = heading * right + pitch * lift + scale *
+    tangent, the last three random walks. Kalman filter and Rauch–Tung–Striebel smoother over nodes that are means over about
+    ten metres, with a diffuse beginning: the datum is carried by the stable pipe alone (an S-transformation onto it), so that
+    the markers of the two runs have no part in the difference beyond the drift, and pipe that moved has none in the datum.
 
     References
     ----------

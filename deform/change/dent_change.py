@@ -52,9 +52,10 @@ def compare_dents(runs: list[xr.DataTree], matching: Any, options: ChangeOptions
 
     Notes
     -----
-    Dents are paired by place relative to the welds and by clock, nearest first. Depths are compared with the last run that measured:
-    grown (or rerounded) when the change exceeds both ``k_sigma`` times its sigma and ``least_dent_growth_m``. A dent that a run does
-    not list is looked for in that run's wall map; what a vendor repeated to the digit is `copied`, no proof of rest.
+    Dents are paired by place relative to the welds and by clock, nearest first. Depths are compared with the last run that
+    measured: grown (or rerounded) when the change exceeds both ``k_sigma`` times its sigma and ``least_dent_growth_m``. A
+    dent that a run does not list is looked for in that run's wall map; what a vendor repeated to the digit is `copied`, no
+    proof of rest.
     """
     tracks: list[Track] = []
     for k, run in enumerate(runs):
@@ -112,7 +113,7 @@ def _listed(run: xr.DataTree, chain_map: Any) -> list[dict]:
 
 
 def _held(chain_map: Any, place: float) -> bool:
-    """True where the steel of the reference run is still there in the run, and beyond the outermost welds, where nothing says no."""
+    """True where the steel of the reference run is still there in the run, and beyond the outermost welds."""
     return not any(first < place < last for first, last in chain_map.broken)
 
 
@@ -162,7 +163,7 @@ def _absent(run: xr.DataTree, chain_map: Any, track: Track) -> dict | None:
 def _reaches(run: xr.DataTree, place: float) -> bool:
     for group in ("centreline", "welds"):
         if group in run.children and run[group]["chainage"].size:
-            axis = run[group]["chainage"].values
+            axis = np.asarray(run[group].to_dataset()["chainage"].values, float)
             return bool(np.nanmin(axis) <= place <= np.nanmax(axis))
     return False
 
@@ -170,8 +171,8 @@ def _reaches(run: xr.DataTree, place: float) -> bool:
 def _copied_pairs(runs: list[xr.DataTree], tracks: list[Track]) -> set[tuple[int, int, int]]:
     """(track, run before, run) whose sizes a listing repeats to the digit.
 
-    Two sizes or more that agree to the digit are a copy. Where a listing gives the depth alone it counts as copied when so many of
-    its depths agree that chance does not explain it.
+    Two sizes or more that agree to the digit are a copy. Where a listing gives the depth alone it counts as copied when so
+    many of its depths agree that chance does not explain it.
     """
     found = set()
     for k in range(1, len(runs)):

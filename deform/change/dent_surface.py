@@ -21,8 +21,8 @@ def patch(
 ) -> tuple[Floats, Floats, Floats]:
     """Return a piece of the wall: distance along the pipe (m), clock from the centre (degree), depth inward (m, (scan, clock)).
 
-    Depth is the undamaged radius minus the radius, less the median of the pipe beside it at the same clock, so that ovality and the
-    tool's place in the pipe are no depth. Empty arrays where the run has no wall map.
+    Depth is the undamaged radius minus the radius, less the median of the pipe beside it at the same clock, so that ovality
+    and the tool's place in the pipe are no depth. Empty arrays where the run has no wall map.
     """
     empty = np.empty(0), np.empty(0), np.empty((0, 0))
     if "caliper" not in run.children or "clock" not in run["caliper"].to_dataset().variables:
@@ -52,7 +52,7 @@ def _depth(wall: xr.Dataset, rows: Floats, columns: Floats) -> Floats:
 
 def depth_at(run: xr.DataTree, chainage: float, clock: float) -> tuple[float, float]:
     """Return the greatest depth near a place in a run's wall map and its sigma (m); NaN without a map there."""
-    along, turn, depth = patch(run, chainage, clock, _HALF_LENGTH, _HALF_CLOCK)
+    depth = patch(run, chainage, clock, _HALF_LENGTH, _HALF_CLOCK)[2]
     if np.isfinite(depth).sum() < 9:
         return float("nan"), float("nan")
     smooth = _averaged(depth)
@@ -74,7 +74,8 @@ def surface_difference(
 
     Returns
     -------
-    along (m), turn (degree) from the apex, and the change of depth (m, (along, turn)), positive = deeper; empty without both maps.
+    along (m), turn (degree) from the apex, and the change of depth (m, (along, turn)), positive = deeper; empty without both
+    maps.
     """
     along, turn, depth = patch(run, chainage, clock, half_length, half_clock)
     old_along, old_turn, old = patch(earlier, earlier_chainage, earlier_clock, half_length, half_clock)

@@ -1,4 +1,4 @@
-"""Noise of a pair of runs at each wavelength in, the least movement that could have been seen out: also where nothing was found."""
+"""Noise of a pair of runs at each wavelength in, the least movement that could have been seen out, also where none was found."""
 
 from __future__ import annotations
 
@@ -49,7 +49,8 @@ def detectable(sigma: float, limit: float, probability: float) -> float:
 
     Notes
     -----
-    With an amplitude A twice the log likelihood ratio is non-central chi-square with two degrees of freedom and non-centrality A²/σ².
+    With an amplitude A twice the log likelihood ratio is non-central chi-square with two degrees of freedom and
+    non-centrality A²/σ².
     """
     if not np.isfinite(sigma):
         return float("nan")

@@ -29,8 +29,9 @@ def with_axial_strain(joints: pd.DataFrame, reference: str, runs: list[str], k_s
 
     Notes
     -----
-    ε = ΔL / L. An inertial unit sees bending only; the change of joint length is the one axial cue, and a weak one: 1 cm in 20 m is
-    500 microstrain. The sigma is the larger of that of the matching and the robust spread over all joints of this pair.
+    ε = ΔL / L. An inertial unit sees bending only; the change of joint length is the one axial cue, and a weak one: 1 cm in
+    20 m is 500 microstrain. The sigma is the larger of that of the matching and the robust spread over all joints of this
+    pair.
 
     References
     ----------
@@ -63,9 +64,9 @@ def elongation(joints: pd.DataFrame, run: str, start: float, end: float) -> tupl
 
     Notes
     -----
-    The sum of the changes of all joints that lie in the stretch by more than half. Neighbouring joints share a weld, so that their
-    errors cancel but for the two outer welds: σ = that of one joint's change, whatever the number of joints, plus the random walk of
-    the odometer, taken as a tenth of it per joint.
+    The sum of the changes of all joints that lie in the stretch by more than half. Neighbouring joints share a weld, so that
+    their errors cancel but for the two outer welds: σ = that of one joint's change, whatever the number of joints, plus the
+    random walk of the odometer, taken as a tenth of it per joint.
     """
     change = _column(joints, f"change_m:{run}") if len(joints) else np.array([])
     if not change.size:

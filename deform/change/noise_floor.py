@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -77,8 +78,9 @@ def bend_terms(change: Floats, base: Floats, curvature: Floats, step: float, sta
 
     Notes
     -----
-    σ² = base² + (a k)² + (b dk/ds)². The squares are robust (1.4826² median of the squared change) over cells of equal curvature and
-    equal slope; a, b ≥ 0 by non-negative least squares on the cells, weighted by their size. Without bends both are zero.
+    σ² = base² + (a k)² + (b dk/ds)². The squares are robust (1.4826² median of the squared change) over cells of equal
+    curvature and equal slope; a, b ≥ 0 by non-negative least squares on the cells, weighted by their size. Without bends both
+    are zero.
     """
     slope = np.gradient(curvature, step)
     good = stable & np.isfinite(change) & np.isfinite(curvature) & np.isfinite(slope)
@@ -105,7 +107,7 @@ def bend_terms(change: Floats, base: Floats, curvature: Floats, step: float, sta
 
 def _quantile_cells(values: Floats) -> list[tuple[float, float]]:
     edges = np.quantile(values, [0.0, 0.25, 0.5, 0.75, 1.0]) if values.size else np.array([])
-    return list(zip(edges[:-1], edges[1:], strict=True))
+    return list(pairwise(edges))
 
 
 __all__ = ["SPEED_EDGES", "bend_terms", "class_name", "floor_by_class", "robust_sigma", "speed_class", "spread"]

@@ -28,17 +28,12 @@ class PairChange:
 
     Attributes
     ----------
-    run, reference : names.
-    displacement, displacement_sigma : (n, 5) east, north, up, lateral, axial (m), or None without positions.
-    curvature : change of each component, or None.
-    ovality, ovality_sigma : (n,) or None.
-    stable : (n,) true where the pipe serves as datum.
-    candidates : stretches that changed.
-    place, signals, waves : the scan axis (m), what was searched on it, the amplitudes of each wavelength after the zones were taken out.
-    drift : (m, 3) what was taken for drift of the runs, on the scan axis.
-    floors : noise floor by quantity and speed class.
-    limit : threshold on twice the log likelihood ratio.
-    remarks : what the pair cannot tell, in words.
+    run, reference : names. displacement, displacement_sigma : (n, 5) east, north, up, lateral, axial (m), or None without
+    positions. curvature : change of each component, or None. ovality, ovality_sigma : (n,) or None. stable : (n,) true where
+    the pipe serves as datum. candidates : stretches that changed. place, signals, waves : the scan axis (m), what was
+    searched on it, the amplitudes of each wavelength after the zones were taken out. drift : (m, 3) what was taken for drift
+    of the runs, on the scan axis. floors : noise floor by quantity and speed class. limit : threshold on twice the log
+    likelihood ratio. remarks : what the pair cannot tell, in words.
     """
 
     run: str
@@ -115,7 +110,7 @@ class _Search:
         self.size = max(round(options.scan_step_m / self.step), 1)
         self.place = _scan_axis(axis, self.size)
         self.scan_difference = self._coarse(np.where(usable[:, None], difference, np.nan))
-        self.scan_axes = tuple(self._coarse(a) for a in axes)
+        self.scan_axes = (self._coarse(axes[0]), self._coarse(axes[1]), self._coarse(axes[2]))
         self.scan_usable = self._coarse(usable[:, None].astype(float))[:, 0] > 0.5
         self.lengths = wavelengths(options.shortest_wavelength_m, options.longest_wavelength_m, axis[-1] - axis[0])
         self.limit = zones.threshold(self.lengths, options.false_alarms_per_100_km)
@@ -226,7 +221,7 @@ class _Search:
             zero = np.zeros(self.place.size)
             return zero, np.ones(self.place.size)
         moved = self.scan_difference - self.datum.drift
-        _, right, lift = self.scan_axes
+        right = self.scan_axes[1]
         lateral = np.einsum("ij,ij->i", moved, right) / np.maximum(np.linalg.norm(right, axis=1), 1e-9)
         size = _smooth(np.hypot(lateral, moved[:, 2]), max(round(5.0 / (self.place[1] - self.place[0])), 1))
         quiet = self.scan_usable & ~_inside(self.place, self.excluded, 0.0)

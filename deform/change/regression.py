@@ -42,8 +42,8 @@ def fit_line(year: Floats, value: Floats, sigma: Floats, probability: float) -> 
 
     Notes
     -----
-    With f = n - 2 degrees of freedom left the sigma from the weights is widened by √(χ²/f) when the residuals exceed them, and the
-    interval is then Student's; residuals smaller than stated never narrow it. Two epochs keep the stated sigma.
+    With f = n - 2 degrees of freedom left the sigma from the weights is widened by √(χ²/f) when the residuals exceed them,
+    and the interval is then Student's; residuals smaller than stated never narrow it. Two epochs keep the stated sigma.
 
     Examples
     --------

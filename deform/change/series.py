@@ -42,8 +42,8 @@ def zone_series(comparison: Any) -> list[Series]:
 
     Notes
     -----
-    The sigma of a pair holds the noise of both runs. An epoch's own share is taken as σ / √2; the reference epoch, whose change is
-    zero by definition, carries the same share, so that its noise enters the rate once and not as a certainty.
+    The sigma of a pair holds the noise of both runs. An epoch's own share is taken as σ / √2; the reference epoch, whose
+    change is zero by definition, carries the same share, so that its noise enters the rate once and not as a certainty.
     """
     ds, zones = comparison.dataset, comparison.zones
     days = np.array([day_of(d) for d in ds["date"].values]) if "date" in ds else np.full(ds.sizes["epoch"], np.nan)

@@ -154,7 +154,7 @@ def _resampled(centreline: xr.Dataset, place: Floats) -> dict[str, Floats]:
 
 
 def _turned(values: dict[str, Floats]) -> dict[str, Floats]:
-    """Attitude and curvature of a run whose chainage counts against the reference, as seen looking downstream of the reference."""
+    """Attitude and curvature of a run whose chainage counts against the reference, looking downstream of the reference."""
     signs = {"pitch": -1.0, "curvature_horizontal": -1.0}
     out = {name: signs.get(name, 1.0) * value for name, value in values.items()}
     if "azimuth" in out:

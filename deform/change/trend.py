@@ -37,11 +37,11 @@ def trends(comparison: Any, options: TrendOptions | None = None) -> pd.DataFrame
 
     Notes
     -----
-    Weighted least squares with the reference epoch's own noise as common offset, beside the Theil–Sen slope; three epochs or more give
-    a rate with an interval from their scatter (but not below the stated sigma), two give a difference over the time between. A step
-    or an acceleration is called when it explains the epochs significantly better than a steady rate. A forecast holds the rate as
-    normal with its sigma and gives the probability that the limit is passed within the horizon. Rank: by the probability, then by the
-    part of the limit that is used up, then by the size of the rate against its sigma.
+    Weighted least squares with the reference epoch's own noise as common offset, beside the Theil–Sen slope; three epochs or
+    more give a rate with an interval from their scatter (but not below the stated sigma), two give a difference over the time
+    between. A step or an acceleration is called when it explains the epochs significantly better than a steady rate. A
+    forecast holds the rate as normal with its sigma and gives the probability that the limit is passed within the horizon.
+    Rank: by the probability, then by the part of the limit that is used up, then by the size of the rate against its sigma.
     """
     options = options or TrendOptions()
     rows = []

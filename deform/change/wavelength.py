@@ -1,4 +1,4 @@
-"""Differences of position and curvature in, the amplitude of a movement of each wavelength at each place out, from both together."""
+"""Differences of position and curvature in, the amplitude of a movement of each wavelength at each place out, from both."""
 
 from __future__ import annotations
 
@@ -68,9 +68,9 @@ def position_weights(length: float, step: float, walk: float, noise: float) -> F
 
     Notes
     -----
-    Generalised least squares over 1.5 wavelengths on either side: A = w'M d / w'M w with M = K⁻¹ - K⁻¹X(X'K⁻¹X)⁻¹X'K⁻¹, X = (1, s),
-    and K the covariance of an integrated random walk and white noise. The pipe on either side is the datum; constant and linear
-    differences of the two runs have no part in the result.
+    Generalised least squares over 1.5 wavelengths on either side: A = w'M d / w'M w with M = K⁻¹ - K⁻¹X(X'K⁻¹X)⁻¹X'K⁻¹, X =
+    (1, s), and K the covariance of an integrated random walk and white noise. The pipe on either side is the datum; constant
+    and linear differences of the two runs have no part in the result.
     """
     half = max(round((0.5 + _FLANK) * length / step), 2)
     x = np.arange(-half, half + 1) * step
@@ -175,7 +175,7 @@ def _from_position(node: Floats, model: DriftModel, length: float, step: float, 
     value = node[:, :3]
     if not np.isfinite(value).any():
         return out
-    unknown = ~np.isfinite(value).all(axis=1)
+    unknown = np.asarray(~np.isfinite(value).all(axis=1))
     filled = np.nan_to_num(value)
     found = []
     for walk, noise in ((model.walk[0], model.noise[0]), (model.walk[1], model.noise[1])):

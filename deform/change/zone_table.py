@@ -195,13 +195,15 @@ def _reasons(row: dict, best: Candidate, pairs, group: _Group, joints, options) 
         else "position and curvature show it only together"
     )
     words.append(
-        f"{agree} (likelihood ratio {best.statistic:.0f}, threshold {row['threshold']:.0f} for {options.false_alarms_per_100_km:g} false alarms in 100 km)"
+        f"{agree} (likelihood ratio {best.statistic:.0f}, threshold {row['threshold']:.0f}"
+        f" for {options.false_alarms_per_100_km:g} false alarms in 100 km)"
     )
     longer, sigma = elongation(joints, row["peak_epoch"], row["start_m"], row["end_m"])
     if np.isfinite(longer):
         verdict = "significant" if abs(longer) > options.k_sigma * sigma else "not significant"
         words.append(
-            f"joints in it {'longer' if longer >= 0 else 'shorter'} by {1e3 * abs(longer):.0f} mm in all (sigma {1e3 * sigma:.0f} mm, {verdict})"
+            f"joints in it {'longer' if longer >= 0 else 'shorter'} by {1e3 * abs(longer):.0f} mm in all"
+            f" (sigma {1e3 * sigma:.0f} mm, {verdict})"
         )
     epochs = sorted({k for k, _ in group.members})
     words.append("seen in " + ", ".join(pairs[k].run for k in epochs))
@@ -230,17 +232,18 @@ def _reconfigurations(edits: pd.DataFrame) -> list[dict]:
     if edits is None or not len(edits):
         return []
     rows = []
-    for edit in edits[edits["kind"].isin(EDITS)].itertuples():
+    for edit in edits[edits["kind"].isin(EDITS)].itertuples(index=False):
         name = "cut-out" if edit.kind == "cutout" else "re-route"
         reason = str(getattr(edit, "reason", "") or "")
+        counts = f"{edit.n_old} joints out, {edit.n_new} in"
         rows.append(
             {
                 "kind": "reconfiguration",
-                "start_m": float(edit.start_m),
-                "end_m": float(edit.end_m),
+                "start_m": edit.start_m,
+                "end_m": edit.end_m,
                 "first_epoch": str(edit.run),
                 "confidence": 1.0,
-                "reasons": f"{name} before {edit.run}: {reason or f'{edit.n_old} joints out, {edit.n_new} in'}; the steel is another, no movement is derived",
+                "reasons": f"{name} before {edit.run}: {reason or counts}; the steel is another, no movement is derived",
             }
         )
     return rows

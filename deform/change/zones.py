@@ -60,20 +60,19 @@ def peaks(waves: list[Waves], limit: float, blocked: list[tuple[float, float]]) 
     limit : least statistic.
     blocked : stretches already explained.
     """
-    rows = []
+    rows: list[tuple[float, Waves, int]] = []
     for wave in waves:
         score = wave.statistic
-        for i in np.flatnonzero(_crests(score) & (score > limit)):
-            rows.append((float(score[i]), wave, int(i)))
+        rows += [(float(score[i]), wave, int(i)) for i in np.flatnonzero(_crests(score) & (score > limit))]
     rows.sort(key=lambda row: -row[0])
     found: list[Candidate] = []
-    for score, wave, i in rows:
+    for top, wave, i in rows:
         at, half = wave.place[i], 0.5 * wave.length
         if any(start < at + 0.5 * half and end > at - 0.5 * half for start, end in blocked):
             continue
         if any(abs(at - c.centre) < 1.5 * max(wave.length, c.length) + 0.5 * min(wave.length, c.length) for c in found):
             continue
-        found.append(_candidate(score, wave, i))
+        found.append(_candidate(top, wave, i))
     return found
 
 
@@ -107,8 +106,8 @@ def extent(place: Floats, size: Floats, sigma: Floats, candidate: Candidate) -> 
 
     Notes
     -----
-    Hysteresis: from the peak within the wave outward, until the displacement stays below 2 σ, or below a twentieth of the peak where
-    that is more, for five metres. Where the displacement does not reach 3 σ the wave itself is the extent.
+    Hysteresis: from the peak within the wave outward, until the displacement stays below 2 σ, or below a twentieth of the
+    peak where that is more, for five metres. Where the displacement does not reach 3 σ the wave itself is the extent.
     """
     inside = (place >= candidate.centre - 0.6 * candidate.length) & (place <= candidate.centre + 0.6 * candidate.length)
     level = np.where(inside, np.nan_to_num(size), 0.0)

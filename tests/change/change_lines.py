@@ -1,4 +1,4 @@
-"""Runs with known movement for the tests of the change room: lines made here, or the demonstration data's truth, with errors as a navigation leaves them."""
+"""Runs with known movement: lines made here, or the demonstration's truth, with errors as a navigation leaves them."""
 
 from __future__ import annotations
 
@@ -70,6 +70,9 @@ class Errors:
     weld_m: float = 0.008
 
 
+DEMO_TOOL = Errors()
+
+
 def coloured(rng, n, step, length, sigma):
     """Gaussian noise of a correlation length and a sigma."""
     width = max(length / step / 2.0, 1e-3)
@@ -136,7 +139,7 @@ def moved(line: Line, *, lateral=None, up=None) -> Line:
     return Line(line.chainage, azimuth, pitch, latitude, longitude, height, line.welds)
 
 
-def make_run(line: Line, run_id: str, date: str, *, seed: int, errors: Errors = Errors(), dents=None, od=OD) -> xr.DataTree:  # noqa: B008  # frozen
+def make_run(line: Line, run_id: str, date: str, *, seed: int, errors=DEMO_TOOL, dents=None, od=OD) -> xr.DataTree:
     """Return a run as the stages before would hand it over, with errors of this seed."""
     rng = np.random.default_rng(seed)
     s, n, step = line.chainage, line.chainage.size, line.step
@@ -225,7 +228,7 @@ def truth_line(folder: Path) -> tuple[Line, np.ndarray, xr.Dataset]:
     return line, ds["grid_epoch0_chainage"].values.astype(float), ds
 
 
-def truth_runs(folder: Path, errors: Errors = Errors(), seed: int = 10):  # noqa: B008  # frozen
+def truth_runs(folder: Path, errors: Errors = DEMO_TOOL, seed: int = 10):
     """Return the demonstration's runs made of truth and errors, with their matching."""
     names = sorted(p.name for p in Path(folder).iterdir() if (p / "truth.nc").exists())
     dates = {"demo-2019": "2019-07-02", "demo-2021": "2021-07-08", "demo-2023": "2023-07-05"}

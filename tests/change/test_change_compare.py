@@ -1,0 +1,168 @@
+"""Runs of a line with known movement: what is found, where, how large, and what is not said."""
+
+from __future__ import annotations
+
+import change_lines as lines
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from deform.change.compare import compare
+from deform.change.trend import trends
+from deform.errors import InputError
+from deform.options import ChangeOptions
+from deform.run.schema import dataset_faults
+
+
+@pytest.fixture(scope="module")
+def slide():
+    """A line of 3 km: 0.4 then 0.8 m to the right over 120 m by 2021 and 2023, 0.25 m down over 40 m only by 2023."""
+    line = lines.make_line(3000.0, seed=3)
+    s = line.chainage
+    way = lines.bump(s, 1700.0, 120.0, 1.0)
+    later = [lines.moved(line, lateral=0.4 * way), lines.moved(line, lateral=0.8 * way, up=-lines.bump(s, 900.0, 40.0, 0.25))]
+    runs = [lines.make_run(at, f"r{2019 + 2 * k}", f"{2019 + 2 * k}-07-01", seed=20 + k) for k, at in enumerate([line, *later])]
+    return line, later, runs, compare(runs, lines.identity_matching(runs))
+
+
+def test_both_movements_are_found_in_the_right_year_and_nothing_else(slide):
+    zones = slide[3].zones
+    assert list(zones.kind) == ["movement", "movement"]
+    settled, slid = zones.iloc[0], zones.iloc[1]
+    assert (settled.first_epoch, slid.first_epoch) == ("r2023", "r2021")
+    assert abs(settled.peak_displacement_m - 0.25) < 0.1
+    assert abs(slid.peak_displacement_m - 0.8) < 0.1
+    assert np.isnan(settled.direction_deg)
+    right = (np.interp(1700.0, slide[0].chainage, slide[0].azimuth) + 90.0) % 360.0
+    assert abs(slid.direction_deg - right) < 20.0
+    for zone, start, end in ((settled, 880.0, 920.0), (slid, 1640.0, 1760.0)):
+        common = min(zone.end_m, end) - max(zone.start_m, start)
+        assert common / (max(zone.end_m, end) - min(zone.start_m, start)) >= 0.6
+    assert (zones.confidence > 0.99).all()
+    assert "towards" in slid.reasons
+    assert "down" in settled.reasons
+
+
+def test_markers_of_the_runs_do_not_enter_the_displacement_of_stable_pipe(slide):
+    line, _, runs, comparison = slide
+    raw = runs[2]["centreline"]["height"].values - runs[0]["centreline"]["height"].values
+    still = comparison.dataset["stable"].values[2]
+    up = comparison.dataset["displacement_up"].values[2]
+    assert raw[still].std() > 0.15
+    assert np.sqrt(np.nanmean(up[still] ** 2)) < 0.05
+    assert still.mean() > 0.85
+
+
+def test_stated_sigma_of_displacement_and_strain_is_honest_on_stable_pipe(slide):
+    ds = slide[3].dataset
+    away = (np.abs(ds.chainage.values - 1700) > 80) & (np.abs(ds.chainage.values - 900) > 40)
+    for name in ("displacement_east", "displacement_north", "displacement_up", "displacement_lateral"):
+        share = np.abs(ds[name].values[2][away]) <= 1.96 * ds[f"{name}_sigma"].values[2][away]
+        assert 0.85 <= share.mean() <= 1.0, name
+    for name in ("bending_strain_change_horizontal", "bending_strain_change_vertical"):
+        z = ds[name].values[2][away] / ds[f"{name}_sigma"].values[2][away]
+        assert 0.9 <= np.mean(np.abs(z[np.isfinite(z)]) <= 1.96) <= 0.99, name
+
+
+def test_change_dataset_follows_the_vocabulary_and_is_zero_for_the_reference(slide):
+    ds = slide[3].dataset
+    assert not dataset_faults("comparison", ds)
+    assert ds.attrs["reference"] == "r2019"
+    assert (ds["displacement_up"].values[0] == 0).all()
+    assert ds["bending_strain_change_vertical"].attrs["gauge_length_m"] == lines.GAUGE
+    assert list(ds.date.values) == ["2019-07-01", "2021-07-01", "2023-07-01"]
+
+
+def test_creep_and_step_get_their_own_rates_and_words(slide):
+    table = trends(slide[3])
+    zones = slide[3].zones
+    creep = table[(table.subject == zones.zone_id[1]) & (table.kind == "displacement")].iloc[0]
+    assert creep.rate_low_per_year < 0.2 < creep.rate_high_per_year
+    assert creep.rate_per_year == pytest.approx(0.2, abs=0.02)
+    step = table[(table.subject == zones.zone_id[0]) & (table.kind == "displacement")].iloc[0]
+    assert "step between 2021 and 2023" in step.remark
+    assert sorted(table["rank"]) == list(range(1, len(table) + 1))
+
+
+def test_swapped_reference_turns_the_sign_of_the_movement(slide):
+    runs = [slide[2][0], slide[2][2]]
+    forward = compare(runs, lines.identity_matching(runs, "r2019"))
+    back = compare(runs, lines.identity_matching(runs, "r2023"))
+    at = int(np.searchsorted(forward.dataset.chainage.values, 1700.0))
+    there, again = forward.dataset["displacement_lateral"].values[1, at], back.dataset["displacement_lateral"].values[0, at]
+    assert there == pytest.approx(0.8, abs=0.08)
+    assert again == pytest.approx(-there, abs=0.05)
+    assert back.dataset.attrs["reference"] == "r2023"
+
+
+def test_pipe_that_did_not_move_gets_no_zone_but_a_detection_limit():
+    line = lines.make_line(2000.0, seed=8, bends_per_km=6.0)
+    runs = [lines.make_run(line, f"r{k}", f"201{k}-01-01", seed=50 + k) for k in range(2)]
+    comparison = compare(runs, lines.identity_matching(runs))
+    assert not len(comparison.zones)
+    limits = comparison.limits[comparison.limits.wavelength_m.notna()]
+    assert (limits.limit_90_displacement_m > limits.limit_displacement_m).all()
+    assert limits.limit_displacement_m.between(1e-4, 1.0).all()
+
+
+def test_cut_out_is_a_reconfiguration_and_no_movement():
+    line = lines.make_line(2000.0, seed=4)
+    after = lines.moved(line, lateral=np.where((line.chainage > 1000) & (line.chainage < 1060), 0.3, 0.0))
+    runs = [lines.make_run(at, f"r{k}", f"201{k}-01-01", seed=60 + k) for k, at in enumerate((line, after))]
+    matching = lines.identity_matching(runs)
+    edit = {"kind": ["cutout"], "run": ["r1"], "start_m": [1000.0], "end_m": [1060.0], "n_old": [5], "n_new": [5], "reason": [""]}
+    chain_map = matching.maps["r1"]
+    held = lines.PlainMap(chain_map.reference_chainage, chain_map.run_chainage, ((1000.0, 1060.0),))
+    matching = lines.PlainMatching("r0", matching.maps | {"r1": held}, matching.joints, edits=pd.DataFrame(edit))
+    comparison = compare(runs, matching)
+    assert list(comparison.zones.kind) == ["reconfiguration"]
+    gone = (comparison.dataset.chainage.values > 1001) & (comparison.dataset.chainage.values < 1059)
+    assert np.isnan(comparison.dataset["displacement_up"].values[1, gone]).all()
+
+
+def test_listing_tells_places_only_and_the_rest_is_left_out():
+    line = lines.make_line(1000.0, seed=5)
+    first = lines.make_run(line, "tool", "2019-01-01", seed=1)
+    listing = xr.DataTree(
+        xr.Dataset(attrs={"id": "list", "date": "2015-01-01", "source": "listing"}), children={"welds": first["welds"].copy()}
+    )
+    comparison = compare([first, listing], lines.identity_matching([first, listing], "tool"))
+    assert list(comparison.dataset.epoch.values) == ["list", "tool"]
+    assert "displacement_east" not in comparison.dataset
+    assert np.isfinite(comparison.dataset["run_chainage"].values[0]).all()
+    assert any("no coordinates" in remark for remark in comparison.remarks)
+
+
+def test_run_over_part_of_the_line_leaves_the_rest_empty_and_says_so():
+    line = lines.make_line(1500.0, seed=6)
+    runs = [lines.make_run(line, f"r{k}", f"201{k}-01-01", seed=k) for k in range(2)]
+    matching = lines.identity_matching(runs)
+    chain_map = matching.maps["r1"]
+    half = chain_map.reference_chainage < 800
+    part = lines.PlainMap(chain_map.reference_chainage[half], chain_map.run_chainage[half])
+    comparison = compare(runs, lines.PlainMatching("r0", matching.maps | {"r1": part}, matching.joints))
+    far = comparison.dataset.chainage.values > 820
+    assert np.isnan(comparison.dataset["displacement_up"].values[1, far]).all()
+    assert not comparison.dataset["stable"].values[1, far].any()
+    assert any("of the pipe" in remark for remark in comparison.remarks)
+
+
+def test_run_without_a_chainage_map_is_named():
+    line = lines.make_line(500.0, seed=6)
+    runs = [lines.make_run(line, f"r{k}", f"201{k}-01-01", seed=k) for k in range(2)]
+    matching = lines.identity_matching(runs)
+    del matching.maps["r1"]
+    with pytest.raises(InputError, match="r1"):
+        compare(runs, matching)
+
+
+@pytest.mark.demo
+def test_demonstration_lines_movements_are_found_with_their_extent(demo):
+    runs, matching = lines.truth_runs(demo / "truth")
+    comparison = compare(runs, matching, ChangeOptions())
+    kinds = list(comparison.zones.kind)
+    assert kinds == ["movement", "movement", "reconfiguration"]
+    assert set(comparison.dents.groupby("run").size()) == {4, 5}
+    last = comparison.dents[comparison.dents.run == "demo-2023"]
+    assert sorted(last.status) == ["grown", "new", "stable", "stable", "stable"]
