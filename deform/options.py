@@ -50,8 +50,8 @@ class DentStrainOptions:
 
     form: Literal["b31.8-2018", "b31.8-2007"] = "b31.8-2018"
     basis: Literal["profile", "sizes"] = "profile"
-    smoothing_m: Positive = 0.02  # knot distance of the B-splines
-    windows: tuple[Positive, Positive] = (1.0, 2.0)  # widths of the profile used, in lengths of the dent
+    windows: tuple[Positive, Positive] = (1.5, 2.5)  # size of the surface used, in sizes of the dent; the first gives the value
+    intervals: Annotated[int, Field(ge=4, le=40)] = 8  # pieces of the B-spline across a window, each way
 
 
 @dataclass(frozen=True, config=_STRICT)

@@ -109,6 +109,17 @@ def log_scans(
     return ScanLog(**joined, arms=len(fitter.angle))
 
 
+def scan_ranges(log: ScanLog, start: float, stop: float) -> list[tuple[int, int]]:
+    """Ranges of scans (first, behind the last) whose chainage lies between start and stop; one for each passage."""
+    inside = np.flatnonzero((log.chainage >= start) & (log.chainage < stop) & log.good)
+    if not inside.size:
+        return []
+    breaks = np.flatnonzero(np.diff(inside) > 200)
+    firsts = inside[np.concatenate([[0], breaks + 1])]
+    lasts = inside[np.concatenate([breaks, [inside.size - 1]])]
+    return [(int(a), int(b) + 1) for a, b in zip(firsts, lasts, strict=True)]
+
+
 def _records(reader: ScanReader, block: ScanBlock, fitter: SectionFitter) -> dict[str, np.ndarray]:
     harmonics, residual, spread, used = fitter.fit(block.radius)
     radius, right, up, oval_cos, oval_sin = to_pipe_clock(harmonics, block.roll, reader.sign)

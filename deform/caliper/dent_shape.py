@@ -20,9 +20,8 @@ from typing import ClassVar
 import numpy as np
 from scipy.optimize import least_squares
 
-from deform.caliper.cross_section import ScanLog, harmonic_basis
+from deform.caliper.cross_section import ScanLog, harmonic_basis, scan_ranges
 from deform.caliper.scans import ScanReader
-from deform.caliper.wall import scan_ranges
 
 _FULLNESS, _FULLNESS_SIGMA = 2.2, 0.4
 _LN10 = np.log(10.0)
@@ -64,7 +63,14 @@ class DentFit:
     width_sigma: float
     mean_radius: float
     misfit: float
+    along_power: float = 2.0
+    around_power: float = 2.0
     shape: str = "plain"
+
+    def at(self, place: np.ndarray, clock: np.ndarray) -> np.ndarray:
+        """Inward departure (m) of the fitted shape at places (m) and clocks (rad), which broadcast."""
+        unknowns = np.array([self.depth, self.centre, 0.0, self.length, self.width, self.along_power, self.around_power])
+        return shape(unknowns, np.asarray(place), _wrap(clock - self.clock) * self.mean_radius)
 
 
 def gather(reader: ScanReader, logs: list[ScanLog], start: float, end: float, flank: float) -> DentSamples | None:
@@ -228,6 +234,8 @@ def _result(solution, clock: float, mean_radius: float, sigma: float) -> DentFit
         width_sigma=float(said[4]),
         mean_radius=mean_radius,
         misfit=misfit,
+        along_power=float(x[5]),
+        around_power=float(x[6]),
     )
 
 

@@ -89,7 +89,7 @@ def measure(
     arms = [c.without(spans) for c in (arms_channel(log) for log in logs) if c is not None]
     welds = weld_log([c for c in (heard[0], *arms, heard[1]) if c is not None], trajectory, options.weld_cluster_m, joint)
     windows = [(a - options.detail_margin_m, b + options.detail_margin_m) for a, b in spans]
-    fine = detail_maps(reader, logs, fitters, _joined(windows), options.detail_step_m, coarse.bins)
+    fine = detail_maps(reader, logs, fitters, _joined(windows), fits, options.detail_step_m, coarse.bins)
     wall = wall_dataset(coarse, fine, section, tool)
     tell(1.0)
     return Measurement(welds=welds, sections=section, wall=wall, pose=tool, dents=dents, features=None)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
 
 from deform.caliper._kernels import fill_bins
-from deform.caliper.cross_section import ScanLog, SectionFitter, to_pipe_clock
+from deform.caliper.cross_section import ScanLog, SectionFitter, scan_ranges, to_pipe_clock
+from deform.caliper.dent_shape import DentFit
 from deform.caliper.scans import ScanBlock, ScanReader
 from deform.run import build
 
@@ -30,6 +32,7 @@ class WallMap:
         rows = max(1, int(np.ceil((stop - start) / step)))
         self.total = np.zeros((rows, bins), np.float32)
         self.count = np.zeros((rows, bins), np.float32)
+        self.relief: np.ndarray | float = 0.0
 
     @property
     def chainage(self) -> np.ndarray:
@@ -47,7 +50,7 @@ class WallMap:
     def radius(self) -> np.ndarray:
         """Mean radius (rows, bins) in metre, NaN where nothing was measured."""
         with np.errstate(invalid="ignore"):
-            mean = np.where(self.count > 0, self.total / self.count, np.nan).astype(float)
+            mean = np.where(self.count > 0, self.total / self.count, np.nan).astype(float) - self.relief
         return np.round(mean / _ROUND) * _ROUND
 
 
@@ -56,32 +59,38 @@ def detail_maps(
     logs: list[ScanLog],
     fitters: list[SectionFitter],
     windows: Iterable[tuple[float, float]],
+    fits: list[DentFit],
     step: float,
     bins: int,
 ) -> list[WallMap]:
-    """Read the scans of each window (start, end chainage in metre) again and map them at a fine step."""
+    """Read the scans of each window (start, end chainage in metre) again and map them at a fine step.
+
+    Between two arms a straight line would cut off the apex of a dent. The fitted shapes are therefore taken off the
+    readings, what is left is mapped, and the shapes are put back at the cells.
+    """
     maps = []
     for start, stop in windows:
         wall = WallMap(start, stop, step, bins)
+        near = [f for f in fits if start < f.centre < stop]
         for ring, (log, fitter) in enumerate(zip(logs, fitters, strict=True)):
             for first, last in scan_ranges(log, start, stop):
                 block = reader.read(ring, first, last)
-                harmonics, *_ = fitter.fit(block.radius)
+                clock = reader.sign * (reader.angle_rad[ring][None, :] + block.roll[:, None])
+                flat = replace(block, radius=block.radius + relief(near, block.chainage[:, None], clock))
+                harmonics, *_ = fitter.fit(flat.radius)
                 _, right, up, *_ = to_pipe_clock(harmonics, block.roll, reader.sign)
-                wall.add(reader, ring, block, right, up, log.good[first:last])
+                wall.add(reader, ring, flat, right, up, log.good[first:last])
+        wall.relief = relief(near, wall.chainage[:, None], np.arange(bins)[None, :] * 2 * np.pi / bins)
         maps.append(wall)
     return maps
 
 
-def scan_ranges(log: ScanLog, start: float, stop: float) -> list[tuple[int, int]]:
-    """Ranges of scans (first, behind the last) whose chainage lies between start and stop; one for each passage."""
-    inside = np.flatnonzero((log.chainage >= start) & (log.chainage < stop) & log.good)
-    if not inside.size:
-        return []
-    breaks = np.flatnonzero(np.diff(inside) > 200)
-    firsts = inside[np.concatenate([[0], breaks + 1])]
-    lasts = inside[np.concatenate([breaks, [inside.size - 1]])]
-    return [(int(a), int(b) + 1) for a, b in zip(firsts, lasts, strict=True)]
+def relief(fits: list[DentFit], place: np.ndarray, clock: np.ndarray) -> np.ndarray | float:
+    """Sum of the fitted dents (m, positive inward) at places (m) and clocks (rad)."""
+    total: np.ndarray | float = 0.0
+    for fit in fits:
+        total = total + fit.at(place, clock)
+    return total
 
 
 def wall_dataset(coarse: WallMap, fine: list[WallMap], sections: xr.Dataset, pose: xr.Dataset) -> xr.Dataset:
