@@ -21,11 +21,12 @@ _SCANS = 256
 
 
 def read_arms(path: Path, header: RunHeader | None, findings: Findings) -> tuple[xr.Dataset | None, RunHeader | None]:
-    """Return the arms as `RawRun.arms` describes them, and the header, whose caliper table may come from the file; None when there is no file.
+    """Return the arms as `RawRun.arms` describes them, and the header, whose caliper table may come from the file.
 
     Notes
     -----
-    The radius stays packed on disk. A unit other than metre is repaired in the attributes ``scale_factor`` and ``add_offset``.
+    Without a file the arms are None. The radius stays packed on disk. A unit other than metre is repaired in the attributes
+    ``scale_factor`` and ``add_offset``.
     """
     if not path.exists():
         if header is not None and header.caliper is not None:

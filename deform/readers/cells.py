@@ -107,21 +107,18 @@ def clock(text: str, form: str, decimal: str = ".") -> float:
         if not -360.0 <= angle <= 360.0:
             raise ValueError(f"{text!r} is no angle in degree")
         return angle % 360.0
-    if form == "hours":
-        hours = number(text, decimal)
-    else:
-        hours = _hours(text, form)
+    hours = number(text, decimal) if form == "hours" else _hours(text, form)
     if not 0.0 <= hours < 13.0:
         raise ValueError(f"{text!r} is no clock position")
     return (hours * units.TO_DEGREE["clock"]) % 360.0
 
 
 def angle(text: str, decimal: str = ".") -> float:
-    """Return an angle in degree from decimal degrees or degrees, minutes, seconds, with a sign or one of N S E W.
+    r"""Return an angle in degree from decimal degrees or degrees, minutes, seconds, with a sign or one of N S E W.
 
     Examples
     --------
-    >>> angle("61°02'30.0\\"N"), angle("121 17 00 W"), angle("-121.5")
+    >>> angle("61°02'30.0''N"), angle("121 17 00 W"), angle("-121.5")
     (61.041666666666664, -121.28333333333333, -121.5)
     """
     text = words(text).replace("º", "°")
@@ -151,7 +148,7 @@ def factor(unit: str, dimension: str) -> float:
 
 
 def convert(column: np.ndarray, one, *, least: float = -np.inf, most: float = np.inf) -> tuple[np.ndarray, list[int]]:
-    """Return the values of a column of text by the function ``one``, NaN where it refuses or is out of range, and the places of those."""
+    """Return the values of a column of text by the function ``one``, NaN where it refuses, and the places of those."""
     values, refused = np.full(len(column), np.nan), []
     for i, text in enumerate(column):
         if not text:
@@ -170,7 +167,7 @@ def convert(column: np.ndarray, one, *, least: float = -np.inf, most: float = np
 
 def _hours(text: str, form: str) -> float:
     match = _CLOCK.fullmatch(text)
-    if form == "h:mm" and (match is None or ":" not in text and "h" not in text):
+    if form == "h:mm" and (match is None or (":" not in text and "h" not in text)):
         value = float(text.replace(",", "."))
         if value != int(value) and value >= 1.0:
             raise ValueError(f"{text!r} is no clock position h:mm")

@@ -70,8 +70,8 @@ def same_span(time: np.ndarray, other: np.ndarray, file: str, other_file: str, f
     overlap = min(time[-1], other[-1]) - max(time[0], other[0])
     shorter = min(time[-1] - time[0], other[-1] - other[0])
     if overlap < 0.5 * shorter or overlap < 0:
-        rule = f"runs from {time[0]:.1f} to {time[-1]:.1f} s, {other_file} from {other[0]:.1f} to {other[-1]:.1f} s; both must be on one clock"
-        findings.fault(file, "time", rule, "is a file of another run in this folder?")
+        rule = f"runs from {time[0]:.1f} to {time[-1]:.1f} s, {other_file} from {other[0]:.1f} to {other[-1]:.1f} s"
+        findings.fault(file, "time", f"{rule}; both must be on one clock", "is a file of another run in this folder?")
 
 
 def _repair_slips(time: np.ndarray, slips: np.ndarray, file: str, findings: Findings) -> None:

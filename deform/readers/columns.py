@@ -125,7 +125,7 @@ class PipeOptions(_Strict):
 
 
 class Coordinates(_Strict):
-    """What the coordinates are: their reference system when not WGS84, their standard deviations, the longest stretch to bridge."""
+    """What the coordinates are: reference system when not WGS84, standard deviations, longest stretch to bridge."""
 
     crs: str = ""
     sigma_horizontal_m: Annotated[float, Field(gt=0)] | None = None

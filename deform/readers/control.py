@@ -92,8 +92,8 @@ def read_control(
     places = _places(table)
     pair = next((p for p in _PLACES if all(name in places for name in p)), None)
     if pair is None:
-        rule = f"no columns latitude and longitude, nor easting and northing; the file holds {', '.join(h for h in table.header if h) or 'nothing'}"
-        findings.fault("", "", rule)
+        held = ", ".join(h for h in table.header if h) or "nothing"
+        findings.fault("", "", f"no columns latitude and longitude, nor easting and northing; the file holds {held}")
     if "height" not in places:
         findings.fault(
             "",
@@ -117,18 +117,14 @@ def read_control(
         values["latitude"], values["longitude"], values["height"] = datum.to_wgs84(x, y, values["height"], str(crs), findings)
     keep = _checked(values, table, findings)
     findings.raise_if()
-    chosen = {
-        n: values[n][keep]
-        for n in ("latitude", "longitude", "height", "sigma_horizontal", "sigma_vertical", "chainage")
-        if n in values
-    }
-    return build.dataset(
-        "control", {"name": names[keep], **chosen}, repairs="\n".join(findings.repairs), crs=str(crs or "EPSG:4979")
-    )
+    wanted_columns = ("latitude", "longitude", "height", "sigma_horizontal", "sigma_vertical", "chainage")
+    chosen: dict[str, np.ndarray] = {n: values[n][keep] for n in wanted_columns if n in values}
+    chosen["name"] = names[keep]
+    return build.dataset("control", chosen, repairs="\n".join(findings.repairs), crs=str(crs or "EPSG:4979"))
 
 
 def _as_written(path: Path, options: FileOptions, wanted: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """Return the headers of the file in place of the spellings they stand for, so that the header row is found among other lines."""
+    """Return the file's own headers in place of the spellings they stand for, so that the header row is found."""
     first = delimited.read_sheet(path, options, wanted)
     cells_of_file = [*first.header, *(c for row in first.rows[:20] for c in row)]
     return [tuple(c for c in cells_of_file if _bare(c)[0] in spellings) or spellings for spellings in wanted]
@@ -145,7 +141,7 @@ def _bare(header: str) -> tuple[str, str]:
 
 def _places(table: Sheet) -> dict[str, tuple[int, str]]:
     bare = [_bare(h) for h in table.header]
-    found = {}
+    found: dict[str, tuple[int, str]] = {}
     for name, spellings in SPELLINGS.items():
         for spelling in spellings:
             place = next(
@@ -194,11 +190,8 @@ def _checked(values: dict[str, np.ndarray], table: Sheet, findings: Findings) ->
     latitude, longitude, height = values["latitude"], values["longitude"], values["height"]
     empty = ~(np.isfinite(latitude) & np.isfinite(longitude) & np.isfinite(height))
     if empty.any():
-        findings.repair(
-            "",
-            "",
-            f"{empty.sum()} of {empty.size} rows have no full coordinates, first line {table.lines[int(np.argmax(empty))]}; left out",
-        )
+        first = table.lines[int(np.argmax(empty))]
+        findings.repair("", "", f"{empty.sum()} of {empty.size} rows have no full coordinates, first line {first}; left out")
     if empty.all():
         findings.fault("", "", "holds no point with coordinates")
         return ~empty
@@ -215,8 +208,8 @@ def _checked(values: dict[str, np.ndarray], table: Sheet, findings: Findings) ->
                 "is the order of the columns or the crs right?",
             )
     for name in ("sigma_horizontal", "sigma_vertical"):
-        bad = np.flatnonzero(~empty & (values[name] <= 0)) if name in values else []
-        for i in bad[:5]:
+        bad = ~empty & (values[name] <= 0) if name in values else np.zeros(empty.shape, bool)
+        for i in np.flatnonzero(bad)[:5]:
             findings.fault("", f"{name}, line {table.lines[i]}", f"is {values[name][i]:g} m; a standard deviation is positive")
     _together(latitude[~empty], longitude[~empty], findings)
     return ~empty

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 from scipy.interpolate import Akima1DInterpolator
 
 from deform.readers import datum
 from deform.readers.columns import Coordinates
 from deform.readers.findings import Findings
+from deform.readers.frame import Frame
 from deform.run import build
 
 STEP_M = 0.1
@@ -17,7 +17,7 @@ _SLACK_M = 5.0
 _SLACK = 1.02
 
 
-def centreline(frame: pd.DataFrame, options: Coordinates, findings: Findings) -> xr.Dataset | None:
+def centreline(frame: Frame, options: Coordinates, findings: Findings) -> xr.Dataset | None:
     """Return latitude, longitude and height on a chainage of 0.1 m; None when fewer than two rows have coordinates.
 
     Notes
@@ -60,10 +60,10 @@ def centreline(frame: pd.DataFrame, options: Coordinates, findings: Findings) ->
     return build.dataset("centreline", values)
 
 
-def _points(frame: pd.DataFrame, options: Coordinates, findings: Findings) -> np.ndarray:
+def _points(frame: Frame, options: Coordinates, findings: Findings) -> np.ndarray:
     """Chainage, latitude, longitude, height of the rows, shape (n, 4)."""
-    names = ("easting", "northing") if np.isfinite(frame["easting"].to_numpy(float)).any() else ("longitude", "latitude")
-    x, y, z = (frame[name].to_numpy(float) for name in (*names, "elevation"))
+    names = ("easting", "northing") if np.isfinite(frame["easting"]).any() else ("longitude", "latitude")
+    x, y, z = (frame[name] for name in (*names, "elevation"))
     if names[0] == "easting" and not options.crs:
         findings.fault(
             "", "easting, northing", "have no reference system", "give crs = 'EPSG:...' in [coordinates] of the column map"
@@ -76,7 +76,7 @@ def _points(frame: pd.DataFrame, options: Coordinates, findings: Findings) -> np
         findings.repair(
             "",
             "coordinates",
-            f"{bad.sum()} rows have coordinates that cannot be, first line {frame['line'].to_numpy()[bad][0]}; left out",
+            f"{bad.sum()} rows have coordinates that cannot be, first line {frame['line'][bad][0]}; left out",
         )
     return np.column_stack([frame["chainage"], np.where(bad, np.nan, latitude), longitude, height])
 
@@ -92,11 +92,8 @@ def _possible(points: np.ndarray, findings: Findings) -> np.ndarray:
     gross = np.append(far, True) & np.append(True, far)
     gross[0], gross[-1] = far[0] and not far[1], far[-1] and not far[-2]
     if gross.any():
-        findings.repair(
-            "",
-            "coordinates",
-            f"{gross.sum()} points lie further from their neighbours than the pipe is long, first at chainage {points[gross][0, 0]:.1f} m; left out",
-        )
+        rule = f"{gross.sum()} points lie further from their neighbours than the pipe between them is long"
+        findings.repair("", "coordinates", f"{rule}, first at chainage {points[gross][0, 0]:.1f} m; left out")
     return points[~gross]
 
 

@@ -35,11 +35,8 @@ def to_wgs84(
     group = TransformerGroup(source, target, always_xy=True)
     if not group.best_available:
         missing = ", ".join(g.short_name for op in group.unavailable_operations[:1] for g in op.grids if not g.available)
-        findings.repair(
-            "",
-            "crs",
-            f"the most exact transformation from {source.name} needs the grid {missing or '(unknown)'}, which is not installed; the next best is used",
-        )
+        rule = f"the most exact transformation from {source.name} needs the grid {missing or '(unknown)'}"
+        findings.repair("", "crs", f"{rule}, which is not installed; the next best is used")
     transformer = Transformer.from_crs(source, target, always_xy=True)
     tall = np.isfinite(z)
     longitude, latitude, height = transformer.transform(x, y, np.where(tall, z, 0.0))

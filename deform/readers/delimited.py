@@ -18,6 +18,7 @@ from deform.errors import Fault, InputError, MissingExtraError
 from deform.readers import cells
 from deform.readers.columns import FIELDS, RELATIVE, Column, FileOptions
 from deform.readers.findings import Findings
+from deform.readers.frame import Frame
 
 _TEXT = (".csv", ".txt", ".tsv", ".dat")
 _SPREADSHEET = (".xlsx", ".xlsm", ".xls", ".xlsb", ".ods")
@@ -95,7 +96,7 @@ def read_fields(
     options: FileOptions,
     findings: Findings,
     rows: np.ndarray | None = None,
-) -> pd.DataFrame:
+) -> Frame:
     """Return the fields of a table: numbers in metre and degree (NaN where empty), words as text.
 
     Parameters
@@ -112,7 +113,7 @@ def read_fields(
     ``dent_depth_od`` and ``depth_wall``.
     """
     chosen = np.ones(len(sheet.rows), bool) if rows is None else rows
-    frame = pd.DataFrame(index=range(len(sheet.rows)))
+    fields: dict[str, np.ndarray] = {}
     for name, alternatives in columns.items():
         for column in alternatives:
             place = sheet.place(column.header)
@@ -121,8 +122,8 @@ def read_fields(
                     findings.fault("", name, f"no column {' or '.join(map(repr, column.header))}")
                 continue
             target, values = _field(name, column, sheet, place, chosen, options.decimal, findings)
-            frame[target] = values if target not in frame else _filled(frame[target].to_numpy(), values)
-    return frame
+            fields[target] = values if target not in fields else _filled(fields[target], values)
+    return Frame(len(sheet.rows), fields)
 
 
 def _field(
@@ -187,14 +188,10 @@ def _text(path: Path, options: FileOptions) -> list[tuple[int, list[str]]]:
     text = _decoded(path, options.encoding)
     delimiter = options.delimiter or _delimiter(text)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
-    rows = []
     try:
-        for row in reader:
-            if any(c.strip() for c in row):
-                rows.append((reader.line_num, row))
+        return [(reader.line_num, row) for row in reader if any(c.strip() for c in row)]
     except csv.Error as fault:
         raise InputError(Fault(path.name, f"line {reader.line_num}", f"is no delimited text ({fault})")) from None
-    return rows
 
 
 def _decoded(path: Path, encoding: str) -> str:
@@ -230,12 +227,8 @@ def _spreadsheet(path: Path, sheet: str | int, decimal: str) -> list[tuple[int, 
 
     try:
         book = python_calamine.CalamineWorkbook.from_path(str(path))
-        if (
-            isinstance(sheet, int)
-            and not 0 <= sheet < len(book.sheet_names)
-            or isinstance(sheet, str)
-            and sheet not in book.sheet_names
-        ):
+        known = range(len(book.sheet_names)) if isinstance(sheet, int) else book.sheet_names
+        if sheet not in known:
             raise InputError(Fault(path.name, "sheet", f"has no sheet {sheet!r}; there are {', '.join(book.sheet_names)}"))
         found = book.get_sheet_by_index(sheet) if isinstance(sheet, int) else book.get_sheet_by_name(sheet)
         rows = found.to_python(skip_empty_area=False)
@@ -259,7 +252,7 @@ def _parquet(path: Path, decimal: str) -> list[tuple[int, list[str]]]:
 
 def _cell(value: Any, decimal: str) -> str:
     """Return a cell as text; times of day and durations as h:mm:ss, whole numbers without a point."""
-    if value is None or isinstance(value, float) and np.isnan(value) or value is pd.NaT or value is pd.NA:
+    if value is None or value is pd.NaT or value is pd.NA:
         return ""
     if isinstance(value, datetime.datetime):
         return value.strftime("%H:%M:%S") if value.year < 1905 else value.isoformat(sep=" ")
@@ -269,6 +262,7 @@ def _cell(value: Any, decimal: str) -> str:
         minutes, seconds = divmod(round(value.total_seconds()), 60)
         return f"{minutes // 60:02d}:{minutes % 60:02d}:{seconds:02d}"
     if isinstance(value, float | np.floating):
-        whole = np.isfinite(value) and abs(value) < 1e15 and value == int(value)
-        return str(int(value)) if whole else repr(float(value)).replace(".", decimal)
+        number = float(value)
+        whole = np.isfinite(number) and abs(number) < 1e15 and number == int(number)
+        return "" if np.isnan(number) else str(int(number)) if whole else repr(number).replace(".", decimal)
     return str(value)

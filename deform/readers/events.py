@@ -17,7 +17,7 @@ FILE = "welds.csv"
 def read_rows(
     path: Path, required: tuple[str, ...], optional: tuple[str, ...], findings: Findings
 ) -> list[tuple[int, dict[str, str]]] | None:
-    """Return rows (line number, text by column) of a CSV file of the raw run; None, and the faults noted, when columns are missing."""
+    """Return rows (line number, text by column) of a CSV file of the raw run; None when columns are missing (faults noted)."""
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             lines = list(csv.reader(file))
@@ -84,7 +84,8 @@ def _inside(time: np.ndarray, span: tuple[float, float] | None, findings: Findin
         return keep
     outside = keep & ((time < span[0]) | (time > span[1]))
     if outside.any():
-        rule = f"{np.count_nonzero(outside)} of {time.size} events lie outside the recording ({span[0]:.1f} to {span[1]:.1f} s), first {time[outside][0]:.3f} s"
+        rule = f"{np.count_nonzero(outside)} of {time.size} events lie outside the recording"
+        rule += f" ({span[0]:.1f} to {span[1]:.1f} s), first {time[outside][0]:.3f} s"
         if np.count_nonzero(outside) > 0.5 * np.count_nonzero(keep):
             findings.fault(FILE, "time_s", rule, "is it of another run, or in another unit?")
         else:

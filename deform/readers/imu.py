@@ -171,5 +171,5 @@ def _possible_rate(count: np.ndarray, time: np.ndarray, pulse: float, header: Ru
     span = time[still][-1] - time[still][0]
     earth = float(np.linalg.norm(np.degrees(count[still][1:].sum(axis=0, dtype=float) * pulse / span))) * 3600.0
     if not 0.2 < earth / _EARTH_RATE_DEG_PER_H < 5.0:
-        text = f"turns at {earth:.4g} degree/h while the tool stands, the earth at {_EARTH_RATE_DEG_PER_H}; kept, check gyro_pulse_rad and static_s"
-        findings.repair(FILE, "gyro_count", text)
+        text = f"turns at {earth:.4g} degree/h while the tool stands, the earth at {_EARTH_RATE_DEG_PER_H}"
+        findings.repair(FILE, "gyro_count", f"{text}; kept, check gyro_pulse_rad and static_s")

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
 from deform.readers import coordinates, joints
 from deform.readers.columns import ColumnMap
 from deform.readers.features import read_features
 from deform.readers.findings import Findings
+from deform.readers.frame import Frame
 from deform.readers.reader import Request
-from deform.readers.rows import Rows
 from deform.run import build
 
 _DIAMETER_SPREAD = 0.05
 
 
-def build_run(rows: Rows, columns: ColumnMap, request: Request, findings: Findings) -> xr.DataTree:
+def build_run(rows: Frame, columns: ColumnMap, request: Request, findings: Findings) -> xr.DataTree:
     """Return the run of a listing.
 
     Notes
@@ -25,26 +24,26 @@ def build_run(rows: Rows, columns: ColumnMap, request: Request, findings: Findin
     `chainage` is the log distance from the first girth weld; `log_distance` stays the vendor's own. The number in the row of a
     girth weld is that of the joint that begins there.
     """
-    frame = rows.frame.sort_values("distance", kind="stable").reset_index(drop=True)
-    welds = joints.weld_rows(rows.frame, columns.joints, findings)
+    welds = joints.weld_rows(rows, columns.joints, findings)
     if welds is None:
         return xr.DataTree()
-    joints.take_from_rows_behind(welds, frame)
-    origin = float(welds["distance"].iat[0])
-    welds["chainage"] = welds["distance"] - origin
-    frame["chainage"], frame["chainage_end"] = frame["distance"] - origin, frame["distance_end"] - origin
+    frame = rows.sorted_by("distance")
+    welds = joints.with_rows_behind(welds, frame)
+    origin = float(welds["distance"][0])
+    welds = welds.put({"chainage": welds["distance"] - origin})
+    frame = frame.put({"chainage": frame["distance"] - origin, "chainage_end": frame["distance_end"] - origin})
     diameter = _diameter(frame, columns, request, findings)
     groups = {
         "welds": _welds(welds),
         "features": read_features(frame, welds, findings),
-        "dents": _dents(frame[frame["kind"] == "dent"], welds, diameter, findings),
-        "markers": _markers(frame[frame["kind"] == "marker"]),
+        "dents": _dents(frame.take(frame["kind"] == "dent"), welds, diameter, findings),
+        "markers": _markers(frame.take(frame["kind"] == "marker")),
         "centreline": coordinates.centreline(frame, columns.coordinates, findings),
     }
     return build.run_tree(_attrs(welds, columns, request, diameter), **groups)
 
 
-def _attrs(welds: pd.DataFrame, columns: ColumnMap, request: Request, diameter: float | None) -> dict:
+def _attrs(welds: Frame, columns: ColumnMap, request: Request, diameter: float | None) -> dict:
     """Return the root attributes; what is not known is absent."""
     wall = columns.pipe.nominal_wall_m or joints.usual_wall(welds)
     attrs = {
@@ -56,15 +55,15 @@ def _attrs(welds: pd.DataFrame, columns: ColumnMap, request: Request, diameter: 
         "outside_diameter_m": diameter,
         "nominal_wall_m": wall,
         "column_map": columns.name,
-        "first_weld_log_distance_m": float(welds["distance"].iat[0]),
+        "first_weld_log_distance_m": float(welds["distance"][0]),
     }
     return {k: v for k, v in attrs.items() if v is not None}
 
 
-def _diameter(frame: pd.DataFrame, columns: ColumnMap, request: Request, findings: Findings) -> float | None:
+def _diameter(frame: Frame, columns: ColumnMap, request: Request, findings: Findings) -> float | None:
     """Return the outside diameter (metre): the survey's, the map's, or the one at which the two depths of the dents agree."""
     stated = request.outside_diameter_m or columns.pipe.outside_diameter_m
-    depth, relative = (frame[name].to_numpy(float) for name in ("dent_depth", "dent_depth_od"))
+    depth, relative = frame["dent_depth"], frame["dent_depth_od"]
     both = (depth > 0) & (relative > 0)
     if not both.any():
         return stated
@@ -86,7 +85,7 @@ def _diameter(frame: pd.DataFrame, columns: ColumnMap, request: Request, finding
     return stated
 
 
-def _welds(welds: pd.DataFrame) -> xr.Dataset:
+def _welds(welds: Frame) -> xr.Dataset:
     values = {
         "chainage": welds["chainage"],
         "log_distance": welds["distance"],
@@ -102,10 +101,10 @@ def _welds(welds: pd.DataFrame) -> xr.Dataset:
     return build.dataset("welds", _said(values))
 
 
-def _dents(rows: pd.DataFrame, welds: pd.DataFrame, diameter: float | None, findings: Findings) -> xr.Dataset | None:
+def _dents(rows: Frame, welds: Frame, diameter: float | None, findings: Findings) -> xr.Dataset | None:
     if not len(rows):
         return None
-    depth, relative = rows["dent_depth"].to_numpy(float), rows["dent_depth_od"].to_numpy(float)
+    depth, relative = rows["dent_depth"], rows["dent_depth_od"]
     needs = np.isnan(depth) & np.isfinite(relative)
     if diameter is not None:
         depth = np.where(needs, relative * diameter, depth)
@@ -119,8 +118,8 @@ def _dents(rows: pd.DataFrame, welds: pd.DataFrame, diameter: float | None, find
     if too_deep.any():
         findings.repair("", "dent_depth", f"{too_deep.sum()} dents are deeper than 0.5 m, that cannot be; unmeasured")
     depth = np.where(too_deep, np.nan, np.abs(depth))
-    before = joints.joint_of(welds, rows["distance"].to_numpy(float))
-    to_weld = rows["distance"].to_numpy(float) - welds["distance"].to_numpy(float)[np.maximum(before, 0)]
+    before = joints.joint_of(welds, rows["distance"])
+    to_weld = rows["distance"] - welds["distance"][np.maximum(before, 0)]
     values = {
         "chainage": rows["chainage"],
         "clock": rows["clock"],
@@ -135,21 +134,20 @@ def _dents(rows: pd.DataFrame, welds: pd.DataFrame, diameter: float | None, find
     return build.dataset("dents", _said(values, keep=("depth",)))
 
 
-def _markers(rows: pd.DataFrame) -> xr.Dataset | None:
+def _markers(rows: Frame) -> xr.Dataset | None:
     if not len(rows):
         return None
     names: list[str] = []
-    for i, row in enumerate(rows.itertuples(), 1):
-        name = row.name or row.comment or f"{row.event} {i}"
+    for i in range(len(rows)):
+        name = str(rows["name"][i] or rows["comment"][i] or f"{rows['event'][i]} {i + 1}")
         count = sum(n == name or n.startswith(f"{name} (") for n in names)
         names.append(f"{name} ({count + 1})" if count else name)
-    values = {"name": names, "kind": ["agm"] * len(rows), "chainage": rows["chainage"], "latitude": rows["latitude"]}
-    values |= {"longitude": rows["longitude"]} | ({"height": rows["elevation"]} if rows["latitude"].notna().any() else {})
+    values = {"name": names, "kind": ["agm"] * len(rows)} | {n: rows[n] for n in ("chainage", "latitude", "longitude")}
+    values |= {"height": rows["elevation"]} if np.isfinite(rows["latitude"]).any() else {}
     return build.dataset("markers", _said(values))
 
 
-def _positive(sizes: pd.Series) -> np.ndarray:
-    sizes = sizes.to_numpy(float)
+def _positive(sizes: np.ndarray) -> np.ndarray:
     return np.where(sizes > 0, sizes, np.nan)
 
 

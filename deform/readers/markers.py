@@ -1,7 +1,8 @@
-"""The file ``markers.csv`` of a raw run in, the passages of surveyed markers out; gross ones are named, impossible ones left out."""
+"""The file ``markers.csv`` of a raw run in, the passages of surveyed markers out; gross ones named, impossible ones left out."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -130,7 +131,7 @@ def _times(table: Table, span: tuple[float, float] | None, findings: Findings) -
             )
         time[outside] = np.nan
     heard = np.flatnonzero(np.isfinite(time))
-    for i, k in zip(heard[:-1], heard[1:], strict=True):
+    for i, k in pairwise(heard):
         if time[k] <= time[i]:
             findings.repair(
                 FILE, f"time_s of {name[k]}", f"{time[k]:.3f} s is not after {name[i]} ({time[i]:.3f} s), the row before; kept"
@@ -142,21 +143,21 @@ def _places(table: Table, header: RunHeader | None, length: float, findings: Fin
     if header is None or not table["name"].size:
         return table
     launch = header.launch
-    far = distance(launch.latitude_deg, launch.longitude_deg, table["latitude_deg"], table["longitude_deg"]) - 1.05 * length
-    impossible = far > _IMPOSSIBLE_M
+    away = distance(launch.latitude_deg, launch.longitude_deg, table["latitude_deg"], table["longitude_deg"])
+    beyond = away - 1.05 * length
+    impossible = beyond > _IMPOSSIBLE_M
+    ran = f"the tool ran {length / 1000:.1f} km"
     if impossible.any() and impossible.mean() > 0.5:
-        i = int(np.argmax(far))
-        rule = f"{impossible.sum()} of {impossible.size} markers lie far from the launch, {table['name'][i]} by {(far[i] + 1.05 * length) / 1000:.0f} km; the tool ran {length / 1000:.1f} km"
-        findings.fault(
-            FILE, "latitude_deg, longitude_deg", rule, "check signs and order in markers.csv and in [launch] of run.toml"
-        )
+        i = int(np.argmax(away))
+        farthest = f"{table['name'][i]} {away[i] / 1000:.0f} km"
+        rule = f"{impossible.sum()} of {impossible.size} markers lie far from the launch, {farthest}; {ran}"
+        advice = "check signs and order in markers.csv and in [launch] of run.toml"
+        findings.fault(FILE, "latitude_deg, longitude_deg", rule, advice)
         return table
-    for i in np.flatnonzero(far > _FAR_M):
-        km = (far[i] + 1.05 * length) / 1000
-        what = "left out" if impossible[i] else "kept"
-        findings.repair(
-            FILE, f"place of {table['name'][i]}", f"{km:.1f} km from the launch, the tool ran {length / 1000:.1f} km; {what}"
-        )
+    for name, metres, gone in zip(table["name"], away, impossible, strict=True):
+        if metres - 1.05 * length > _FAR_M:
+            what = "left out" if gone else "kept"
+            findings.repair(FILE, f"place of {name}", f"{metres / 1000:.1f} km from the launch, {ran}; {what}")
     return {name: column[~impossible] for name, column in table.items()}
 
 

@@ -115,7 +115,7 @@ def _possible_speed(count: np.ndarray, time: np.ndarray, pulse: float, findings:
     if time.size < 2:
         findings.fault(FILE, "time", "has one sample only; the recording is empty")
         return
-    step = max(1, int(round(1.0 / max(float(np.median(np.diff(time))), 1e-9))))
+    step = max(1, round(1.0 / max(float(np.median(np.diff(time))), 1e-9)))
     travel = np.median(np.diff(count[::step], axis=0), axis=1) * pulse if count[::step].shape[0] > 1 else np.zeros(1)
     moving = travel[travel > 0]
     speed = float(np.median(moving) / (step * np.median(np.diff(time)))) if moving.size else 0.0

@@ -4,80 +4,57 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 
 from deform.readers import cells, delimited
-from deform.readers.columns import RELATIVE, ColumnMap, RowRule
+from deform.readers.columns import FIELDS, RELATIVE, ColumnMap, RowRule
 from deform.readers.delimited import Sheet
 from deform.readers.findings import Findings
+from deform.readers.frame import Frame
 
-NUMBERS = (
-    "distance",
-    "distance_end",
-    "joint_length",
-    "wall",
-    "elevation",
-    "weld_distance",
-    "dent_depth",
-    "dent_depth_od",
-    "depth",
-    "depth_wall",
-) + ("length", "width", "easting", "northing", "latitude", "longitude", "clock", "seam_clock", "bend_angle")
-TEXTS = ("joint", "event", "comment", "name", "direction", "seam")
+NUMBERS = (*(n for n, kind in FIELDS.items() if kind != "text"), "dent_depth_od", "depth_wall")
+TEXTS = tuple(n for n, kind in FIELDS.items() if kind == "text")
+_LONGEST_LIST = 8
 
 
-@dataclass(frozen=True)
-class Rows:
-    """Rows of a listing by kind.
+def classify(sheet: Sheet, columns: ColumnMap, findings: Findings) -> Frame:
+    """Return the rows of a listing with their kind.
 
-    Attributes
-    ----------
-    frame : one row per row of the listing that has a distance: ``kind``, ``part``, ``pair``, ``line``, ``text`` and the fields
-        of `NUMBERS` (SI, degree, NaN where nothing is said) and `TEXTS`.
-    """
-
-    frame: pd.DataFrame
-
-    def of(self, *kinds: str) -> pd.DataFrame:
-        """Return the rows of some kinds."""
-        return self.frame[self.frame["kind"].isin(kinds)]
-
-
-def classify(sheet: Sheet, columns: ColumnMap, findings: Findings) -> Rows:
-    """Return the rows of a listing by kind.
+    Returns
+    -------
+    One row per row of the listing that has a distance: ``kind``, ``part``, ``pair``, ``seam``, ``line``, ``text`` (the source's
+    own words), and all fields of a column map (SI, degree; NaN and empty text where nothing is said).
 
     Notes
     -----
     Rows that no rule of the map takes are kept as kind ``other``; a warning counts them by their words. Rows without a
     distance (foot lines, sums) have no place on the pipe: they are left out, and counted as well.
     """
-    frame = delimited.read_fields(sheet, columns.columns, columns.file, findings)
-    for name in NUMBERS:
-        if name not in frame:
-            frame[name] = np.nan
-    for name in TEXTS:
-        if name not in frame:
-            frame[name] = ""
-    frame["line"] = sheet.lines
+    frame = _complete(delimited.read_fields(sheet, columns.columns, columns.file, findings))
     chosen = _rule_of_rows(frame, columns.rows)
-    frame["kind"] = [columns.rows[r].kind if r >= 0 else "other" for r in chosen]
-    frame["part"] = [columns.rows[r].part if r >= 0 else "point" for r in chosen]
-    frame["pair"] = [(columns.rows[r].pair or columns.rows[r].kind) if r >= 0 else "" for r in chosen]
-    frame["seam"] = [columns.rows[r].seam if r >= 0 else "" for r in chosen]
+    unknown = RowRule(kind="other", event_pattern=".*")
+    rules = [columns.rows[r] if r >= 0 else unknown for r in chosen]
+    said = {name: [getattr(rule, name) for rule in rules] for name in ("kind", "part", "seam")}
+    said["pair"] = [rule.pair or rule.kind for rule in rules]
+    said["text"] = [": ".join(t for t in pair if t) for pair in zip(frame["event"], frame["comment"], strict=True)]
+    frame = frame.put({name: np.array(texts, dtype=object) for name, texts in said.items()} | {"line": np.array(sheet.lines)})
     for r, rule in enumerate(columns.rows):
         mask = chosen == r
         if mask.any():
             _own_columns(frame, mask, rule, sheet, columns, findings)
             _capture(frame, mask, rule, findings)
-    frame["text"] = [": ".join(t for t in pair if t) for pair in zip(frame["event"], frame["comment"], strict=True)]
-    _unknown(frame, chosen, findings)
-    return Rows(_placed(frame, findings))
+    _count_unknown(frame["event"][chosen < 0], findings)
+    return _placed(frame, findings)
 
 
-def _rule_of_rows(frame: pd.DataFrame, rules: tuple[RowRule, ...]) -> np.ndarray:
+def _complete(frame: Frame) -> Frame:
+    numbers = {name: np.full(len(frame), np.nan) for name in NUMBERS if name not in frame}
+    texts = {name: np.full(len(frame), "", dtype=object) for name in TEXTS if name not in frame}
+    return frame.put(numbers | texts)
+
+
+def _rule_of_rows(frame: Frame, rules: tuple[RowRule, ...]) -> np.ndarray:
     """Return for each row the number of the first rule that takes it, -1 for none."""
     chosen = np.full(len(frame), -1)
     events = np.array([cells.key(e) for e in frame["event"]], dtype=object)
@@ -93,31 +70,29 @@ def _rule_of_rows(frame: pd.DataFrame, rules: tuple[RowRule, ...]) -> np.ndarray
     return chosen
 
 
-def _own_columns(
-    frame: pd.DataFrame, mask: np.ndarray, rule: RowRule, sheet: Sheet, columns: ColumnMap, findings: Findings
-) -> None:
-    if not rule.columns:
-        return
-    own = delimited.read_fields(sheet, rule.columns, columns.file, findings, mask)
-    for name in own:
-        frame.loc[mask, name] = own.loc[mask, name]
+def _own_columns(frame: Frame, mask: np.ndarray, rule: RowRule, sheet: Sheet, columns: ColumnMap, findings: Findings) -> None:
+    """Fill in place the fields that stand elsewhere in rows of this kind."""
+    if rule.columns:
+        own = delimited.read_fields(sheet, rule.columns, columns.file, findings, mask)
+        for name, values in own.columns.items():
+            frame[name][mask] = values[mask]
 
 
-def _capture(frame: pd.DataFrame, mask: np.ndarray, rule: RowRule, findings: Findings) -> None:
-    """Put what the rule's pattern finds in the comments into the fields of the rows."""
+def _capture(frame: Frame, mask: np.ndarray, rule: RowRule, findings: Findings) -> None:
+    """Put what the rule's pattern finds in the comments into the fields of the rows, in place."""
     if not rule.capture:
         return
     search = re.compile(rule.capture, re.IGNORECASE).search
     for i in np.flatnonzero(mask):
-        match = search(frame["comment"].iat[i])
+        match = search(frame["comment"][i])
         for name, text in (match.groupdict() if match else {}).items():
             if text is None:
                 continue
             field, value = _captured(name, text, rule)
             if isinstance(value, float) and np.isnan(value):
-                findings.repair("", f"line {frame['line'].iat[i]}", f"{text!r} captured as {name} cannot be read; taken as empty")
-                continue
-            frame.iat[i, frame.columns.get_loc(field)] = value
+                findings.repair("", f"line {frame['line'][i]}", f"{text!r} captured as {name} cannot be read; taken as empty")
+            else:
+                frame[field][i] = value
 
 
 def _captured(name: str, text: str, rule: RowRule) -> tuple[str, float | str]:
@@ -146,36 +121,25 @@ def _captured(name: str, text: str, rule: RowRule) -> tuple[str, float | str]:
     return target, number * cells.factor(unit, "length")
 
 
-def _unknown(frame: pd.DataFrame, chosen: np.ndarray, findings: Findings) -> None:
-    unknown = Counter(frame["event"].to_numpy()[chosen < 0].tolist())
-    if unknown:
-        said = ", ".join(f"{event or '(empty)'} ({n})" for event, n in unknown.most_common(8))
-        more = f" and {len(unknown) - 8} more" if len(unknown) > 8 else ""
-        findings.repair(
-            "",
-            "event",
-            f"{sum(unknown.values())} rows have an event that the column map does not know, kept as other: {said}{more}",
-        )
+def _count_unknown(events: np.ndarray, findings: Findings) -> None:
+    if not events.size:
+        return
+    counts = Counter(events.tolist())
+    said = ", ".join(f"{event or '(empty)'} ({n})" for event, n in counts.most_common(_LONGEST_LIST))
+    more = f" and {len(counts) - _LONGEST_LIST} more" if len(counts) > _LONGEST_LIST else ""
+    rule = f"{events.size} rows have an event that the column map does not know, kept as other: {said}{more}"
+    findings.repair("", "event", rule)
 
 
-def _placed(frame: pd.DataFrame, findings: Findings) -> pd.DataFrame:
-    placed = np.isfinite(frame["distance"].to_numpy(float))
-    lost = frame[~placed]
-    for row in lost[lost["kind"] == "weld"].itertuples():
-        findings.fault(
-            "",
-            f"distance, line {row.line}",
-            "a girth weld without a distance",
-            "is the unit, format or decimal mark of the map right?",
-        )
-        if len(findings.faults) > 20:
-            break
-    others = lost[lost["kind"] != "weld"]
-    if len(others):
-        first = others.iloc[0]
-        findings.repair(
-            "",
-            "distance",
-            f"{len(others)} rows without a distance are left out, first line {first['line']}: {first['text'] or '(no words)'}",
-        )
-    return frame[placed].reset_index(drop=True)
+def _placed(frame: Frame, findings: Findings) -> Frame:
+    """Leave out rows without a distance; a girth weld without one is a fault."""
+    placed = np.isfinite(frame["distance"])
+    weld = frame["kind"] == "weld"
+    for line in frame["line"][~placed & weld][:_LONGEST_LIST]:
+        advice = "is the unit, format or decimal mark of the map right?"
+        findings.fault("", f"distance, line {line}", "a girth weld without a distance", advice)
+    lost = np.flatnonzero(~placed & ~weld)
+    if lost.size:
+        first = f"line {frame['line'][lost[0]]}: {frame['text'][lost[0]] or '(no words)'}"
+        findings.repair("", "distance", f"{lost.size} rows without a distance are left out, first {first}")
+    return frame.take(placed)

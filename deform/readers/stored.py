@@ -75,7 +75,7 @@ def _kind(path: Path) -> tuple[str, str]:
 
 
 def _run_summary(run: xr.DataTree) -> dict[str, Any]:
-    attrs = {
+    attrs: dict[str, Any] = {
         k: _plain(run.attrs[k])
         for k in ("id", "date", "line", "direction", "source", "outside_diameter_m", "schema_version")
         if k in run.attrs

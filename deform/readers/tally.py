@@ -1,8 +1,10 @@
-"""A vendor's listing in, through its column map; a run out, with welds, features, dents, markers, and a centreline where coordinates are given."""
+"""A vendor's listing in, through its column map; a run out, with what the listing holds."""
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
+from typing import Any, cast
 
 import xarray as xr
 
@@ -11,8 +13,9 @@ from deform.readers import delimited, listing
 from deform.readers.columns import ColumnMap, column_map, shipped
 from deform.readers.delimited import Sheet
 from deform.readers.findings import Findings
+from deform.readers.frame import Frame
 from deform.readers.reader import Request, Scan
-from deform.readers.rows import Rows, classify
+from deform.readers.rows import classify
 from deform.run import history
 
 _REQUIRED = ("distance", "event")
@@ -43,9 +46,12 @@ class TallyReader:
         findings = Findings(request.path.name)
         columns = _map_of(request)
         rows = _rows(request.path, columns, findings)
-        welds = rows.of("weld")["distance"]
-        summary: dict = {"column_map": columns.name, "rows": len(rows.frame)}
-        summary["kinds"] = {str(k): int(n) for k, n in rows.frame["kind"].value_counts().items()}
+        welds = rows["distance"][rows["kind"] == "weld"]
+        summary: dict = {
+            "column_map": columns.name,
+            "rows": len(rows),
+            "kinds": dict(Counter(rows["kind"].tolist()).most_common()),
+        }
         if len(welds):
             summary |= {
                 "first_weld_m": float(welds.min()),
@@ -72,11 +78,11 @@ class TallyReader:
         findings.raise_if()
         run.attrs["input_sha256"] = history.sha256(request.path)
         run.attrs["repairs"] = "\n".join(findings.repairs)
-        history.append(run.attrs, f"read {request.path.name} by column map {columns.name}")
+        history.append(cast(dict[str, Any], run.attrs), f"read {request.path.name} by column map {columns.name}")
         return run
 
 
-def _rows(path: Path, columns: ColumnMap, findings: Findings) -> Rows:
+def _rows(path: Path, columns: ColumnMap, findings: Findings) -> Frame:
     sheet = _sheet(path, columns, findings)
     absent = delimited.absent_columns(sheet, columns.columns, _REQUIRED)
     if absent:
