@@ -187,7 +187,10 @@ def identity_matching(runs, reference=None, edits=None) -> PlainMatching:
     maps = {}
     for run in runs:
         own = run["welds"]["chainage"].values
-        ends = run["centreline"]["chainage"].values[[0, -1]] if "centreline" in run else own[[0, -1]]
+        if "centreline" not in run.children:
+            maps[run.attrs["id"]] = PlainMap(base, own)
+            continue
+        ends = run["centreline"]["chainage"].values[[0, -1]]
         maps[run.attrs["id"]] = PlainMap(np.r_[ends[0], base, ends[-1]], np.r_[ends[0], own, ends[-1]])
     return PlainMatching(
         reference, maps, joints=joint_table(runs), edits=edits if edits is not None else PlainMatching("", {}).edits
