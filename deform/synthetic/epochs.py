@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from deform.errors import Fault, OptionError
-from deform.geometry.earth import enu_difference
+from deform.geometry.earth import enu_difference, enu_shift
 from deform.options import MovementOptions, ReplacementOptions, SimulateOptions
 from deform.synthetic import _kernels
 from deform.synthetic._kernels import AZIMUTH, HEIGHT, LATITUDE, LONGITUDE, PITCH, RISE, TURN, S
@@ -19,6 +19,14 @@ from deform.synthetic.route import Line, draw_lengths, stream
 Floats = NDArray[Any]
 
 MATERIAL = {"cutout": 1, "reroute": 2}
+DENT_COLUMNS = [
+    *("dent_id", "chainage_m", "epoch0_chainage_m", "clock_deg", "depth_m"),
+    *("depth_pct_od", "length_m", "width_m", "sharpness"),
+]
+EVENT_COLUMNS = [
+    *("event_id", "type", "start_m", "end_m", "epoch0_start_m", "epoch0_end_m", "peak_displacement_m"),
+    *("peak_added_bending_strain", "peak_total_bending_strain", "peak_axial_strain", "elongation_m", "history", "n_old", "n_new"),
+]
 
 
 @dataclass(frozen=True)
@@ -115,6 +123,11 @@ def displacement(line: Line, built: Line) -> Floats:
     now, then = line.table, built.table
     degrees = [np.degrees(x) for x in (now[:, LATITUDE], now[:, LONGITUDE], then[:, LATITUDE], then[:, LONGITUDE])]
     return np.stack(enu_difference(degrees[0], degrees[1], now[:, HEIGHT], degrees[2], degrees[3], then[:, HEIGHT]), axis=-1)
+
+
+def shifted(places: pd.DataFrame, shift: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return latitude, longitude, height of places moved by east, north, up (3, n), metre."""
+    return enu_shift(places.latitude_deg.to_numpy(), places.longitude_deg.to_numpy(), places.height_m.to_numpy(), *shift)
 
 
 def dents_at(line: Line, options: SimulateOptions, run: int) -> pd.DataFrame:

@@ -75,7 +75,11 @@ class Motion:
         return np.where((where >= first) & (where <= last), high, np.nan)
 
     def states(self, times: ArrayLike) -> Floats:
-        """Return (n, 16): latitude, longitude, height, velocity, distance, speed, pipe's azimuth and pitch, IMU's and tool's angles."""
+        """Return (n, 16) at times, in radian, metre, m/s.
+
+        Columns: latitude, longitude, height, velocity east, north, up, distance, speed, azimuth and pitch of the pipe,
+        azimuth, pitch, roll of the IMU, azimuth, pitch, roll of the tool.
+        """
         times = np.ascontiguousarray(times, float)
         out = np.empty((times.size, 16))
         _kernels.fill_states(times, *self.tables, out)
@@ -119,7 +123,7 @@ def _speed(length: float, tool: ToolOptions, rng: np.random.Generator) -> tuple[
     moving = RAMP_S * 2 + ride + float(dwell.sum()) + 2 * STOP_S * tool.stops
     begin = np.ceil(tool.static_start_s / KNOT_S) * KNOT_S
     end = begin + np.ceil(moving / KNOT_S) * KNOT_S
-    knots = np.arange(int(round((end + tool.static_end_s) / KNOT_S)) + 8) * KNOT_S
+    knots = np.arange(round((end + tool.static_end_s) / KNOT_S) + 8) * KNOT_S
     x = knots - begin
     speed = np.full(knots.size, tool.speed_m_per_s)
     for _ in range(6):
