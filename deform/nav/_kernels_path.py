@@ -153,3 +153,87 @@ def limited_slopes(distance, step):
         left = (distance[max(k, 1)] - distance[max(k - 1, 0)]) / step
         slope[k] = min(0.5 * (left + right), 3.0 * min(left, right))
     return slope
+
+
+@njit(cache=True, error_model="numpy")
+def smooth_integral(total, variance, push, F, Q, Q_push, P0, wanted, value, spread, odd):
+    """Fixed-interval smoothing of a chain of states whose first is measured: Kalman filter forward, Rauch-Tung-Striebel back.
+
+    ``total`` (n,) measures state 0 with ``variance`` (n,), NaN where there is none; ``push`` (n,) scales ``Q_push`` beside
+    the constant ``Q``. Fills ``value`` and ``spread`` (standard deviation) of state ``wanted``. A measurement beyond five sigma
+    loses weight until it is at five (Huber); ``odd`` counts them.
+    """
+    n, m = total.shape[0], F.shape[0]
+    x_f, P_f = np.empty((n, m)), np.empty((n, m, m))
+    x_p, P_p = np.empty((n, m)), np.empty((n, m, m))
+    x, P = np.zeros(m), P0.copy()
+    first = 0
+    while first < n - 1 and not np.isfinite(total[first]):
+        first += 1
+    x[0] = total[first]
+    for k in range(n):
+        if k > 0:
+            x = _times(F, x)
+            P = _congruent(F, P)
+            for i in range(m):
+                for j in range(m):
+                    P[i, j] += Q[i, j] + push[k] * Q_push[i, j]
+        x_p[k], P_p[k] = x, P
+        if np.isfinite(total[k]):
+            innovation = total[k] - x[0]
+            R = variance[k]
+            size = innovation * innovation
+            if size > 25.0 * (P[0, 0] + R):
+                R = max(R, abs(innovation) * np.sqrt(P[0, 0] + R) / 5.0 - P[0, 0])
+                odd[0] += 1
+            S = P[0, 0] + R
+            gain = P[:, 0] / S
+            updated = np.empty((m, m))
+            for i in range(m):
+                for j in range(m):
+                    updated[i, j] = P[i, j] - gain[i] * P[0, j]
+            x = x + gain * innovation
+            P = 0.5 * (updated + updated.T)
+        x_f[k], P_f[k] = x, P
+    value[n - 1], spread[n - 1] = x[wanted], np.sqrt(max(P[wanted, wanted], 0.0))
+    for k in range(n - 2, -1, -1):
+        J = np.linalg.solve(P_p[k + 1], _product(F, P_f[k])).T
+        x = x_f[k] + _times(J, x - x_p[k + 1])
+        P = P_f[k] + _congruent(J, P - P_p[k + 1])
+        value[k], spread[k] = x[wanted], np.sqrt(max(P[wanted, wanted], 0.0))
+
+
+@njit(cache=True, error_model="numpy")
+def _times(A, x):
+    m = x.shape[0]
+    out = np.zeros(m)
+    for i in range(m):
+        for j in range(m):
+            out[i] += A[i, j] * x[j]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _product(A, B):
+    m = A.shape[0]
+    out = np.zeros((m, m))
+    for i in range(m):
+        for k in range(m):
+            if A[i, k] != 0.0:
+                for j in range(m):
+                    out[i, j] += A[i, k] * B[k, j]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _congruent(A, P):
+    """A P A^T."""
+    half = _product(A, P)
+    m = A.shape[0]
+    out = np.zeros((m, m))
+    for i in range(m):
+        for k in range(m):
+            if half[i, k] != 0.0:
+                for j in range(m):
+                    out[i, j] += half[i, k] * A[j, k]
+    return out

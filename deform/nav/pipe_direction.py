@@ -1,58 +1,182 @@
-"""Attitude and path of the IMU in, the direction of the pipe under it (azimuth and pitch in the direction of travel) out."""
+"""Attitude and path of the IMU in, the direction of the pipe under it with the sigma of direction and of its turns out."""
 
 from __future__ import annotations
 
+import logging
+import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from deform.geometry.resample import robust_sigma
+from deform.geometry.earth import radii
+from deform.geometry.resample import MAD_TO_SIGMA, box_average, interpolate
 from deform.geometry.rotation import attitude_to_matrix
+from deform.nav import _kernels_path
+from deform.nav.wobble import Wobble, fit_wobble
+from deform.run.raw import RunHeader
 
 Floats = NDArray[Any]
+_log = logging.getLogger(__name__)
 
-_LEAST_SPEED = 0.1  # m/s; below it the direction of the velocity says nothing
+_NODE_M = 0.25  # spacing of the nodes at which the wobble is estimated; it is longer than metres
+_BLOCK_M = 20.0  # length over which the constant misalignments are averaged before they are adjusted
+_PRIOR_RAD = math.radians(0.5)  # misalignment and sag expected of a tool
+
+TURN_LAGS_M = np.array([0.05, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0])
 
 
-def mounting_angles(trajectory: xr.Dataset) -> tuple[float, float, float]:
-    """Return the pipe's constant direction in the body frame, azimuth and pitch, and the sigma of one sample (degree).
+@dataclass(frozen=True)
+class PipeDirection:
+    """Direction of the pipe on a grid, looking in the direction of travel (degree).
+
+    Attributes
+    ----------
+    azimuth, pitch : shape (n,).
+    azimuth_sigma, pitch_sigma : of the direction itself.
+    turn_sigma : (2, lag) sigma of the turn between two places `TURN_LAGS_M` apart, horizontal (times cos pitch) and vertical.
+    mounting : (right, up) of the pipe's direction in the body frame (degree): constant misalignment of the IMU.
+    sag : (right, up) in the level frame (degree): how the tool lies in the pipe on the mean.
+    """
+
+    azimuth: Floats
+    pitch: Floats
+    azimuth_sigma: Floats
+    pitch_sigma: Floats
+    turn_sigma: Floats
+    mounting: tuple[float, float]
+    sag: tuple[float, float]
+
+
+def direction_along(trajectory: xr.Dataset, travel: Floats, grid: Floats, header: RunHeader) -> PipeDirection:
+    """Return the direction of the pipe on a grid.
 
     Parameters
     ----------
-    trajectory : group ``trajectory`` with the velocities.
+    trajectory : group ``trajectory``, only the samples that advance.
+    travel : metre along the pipe of these samples, rising strictly.
+    grid : metre along the pipe, regular and rising, within ``travel``.
+    header : figures of the IMU.
 
     Notes
     -----
-    On the long run the tool travels along the pipe: the median of the direction of the velocity in the body frame is the
-    misalignment of the IMU, with the wobble of the tool averaged out. It rolls with the tool.
+    The attitude is that of the tool: the pipe's direction, a constant misalignment that rolls with the tool, and the wobble of
+    the tool in the pipe. The path of the IMU follows the pipe but for the tool's small shift. Attitude minus path, summed
+    along the pipe, is therefore the integral of the wobble and of the error of the velocity, measured with the shift as noise.
+    In it the pipe cancels: bends leave no trace, and nothing needs to be known about the pipe. A Kalman smoother finds the
+    wobble; attitude minus wobble is the pipe. Waves that are shorter than the wobble keep the resolution of the gyros.
+    The spectra that tune it are fitted to the run itself (`deform.nav.wobble`).
     """
-    velocity = np.stack([trajectory[f"velocity_{c}"].values for c in ("east", "north", "up")], axis=-1)
-    moving = np.linalg.norm(velocity, axis=1) > _LEAST_SPEED
-    if moving.sum() < 10:
-        return 0.0, 0.0, 0.0
-    matrix = attitude_to_matrix(*(trajectory[a].values[moving] for a in ("azimuth", "pitch", "roll")))
-    body = np.einsum("nji,nj->ni", matrix, velocity[moving])
-    azimuth = np.degrees(np.arctan2(body[:, 0], body[:, 1]))
-    pitch = np.degrees(np.arctan2(body[:, 2], np.hypot(body[:, 0], body[:, 1])))
-    spread = np.hypot(robust_sigma(azimuth), robust_sigma(pitch)) / np.sqrt(2.0)
-    return float(np.median(azimuth)), float(np.median(pitch)), float(spread)
-
-
-def direction_of_travel(trajectory: xr.Dataset) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return azimuth and pitch of the pipe at each sample, looking in the direction of travel, and their sigmas (degree)."""
-    azimuth, pitch, roll = (trajectory[a].values for a in ("azimuth", "pitch", "roll"))
-    wobble = 0.0
-    if "velocity_east" in trajectory:
-        right, up, wobble = mounting_angles(trajectory)
-        matrix = attitude_to_matrix(azimuth, pitch, roll)
-        axis = np.array([np.sin(np.radians(right)), 1.0, np.sin(np.radians(up))])
-        along = matrix @ (axis / np.linalg.norm(axis))
-        azimuth = np.degrees(np.arctan2(along[:, 0], along[:, 1])) % 360.0
-        pitch = np.degrees(np.arctan2(along[:, 2], np.hypot(along[:, 0], along[:, 1])))
-    sigmas = [
-        np.hypot(trajectory[f"{a}_sigma"].values if f"{a}_sigma" in trajectory else 0.0, np.full(azimuth.shape, wobble))
+    azimuth, pitch, roll = (np.radians(trajectory[a].values) for a in ("azimuth", "pitch", "roll"))
+    azimuth, pitch = _turned(azimuth, pitch, roll, (0.0, 0.0))
+    known = "latitude" in trajectory and travel.size > 10
+    mounting, sag = (0.0, 0.0), (0.0, 0.0)
+    zero = np.zeros(grid.size)
+    wobble = [Wobble.absent(grid.size)] * 2
+    if known:
+        apart = _apart(trajectory, azimuth, pitch)
+        mounting, sag = _constants(travel, apart, roll)
+        azimuth, pitch = _turned(azimuth, pitch, roll, mounting)
+        apart = _apart(trajectory, azimuth, pitch) - np.array(sag) * np.diff(travel, prepend=travel[0])[:, None]
+        wobble = _wobble(trajectory, travel, apart, grid, header)
+    step = float(grid[1] - grid[0])
+    azimuth, pitch = _on_grid(grid, travel, azimuth, step), _on_grid(grid, travel, pitch, step)
+    level = np.maximum(np.cos(pitch), 1e-3)
+    error = [
+        interpolate(grid, travel, trajectory[f"{a}_sigma"].values) if f"{a}_sigma" in trajectory else zero
         for a in ("azimuth", "pitch")
     ]
-    return azimuth, pitch, sigmas[0], sigmas[1]
+    return PipeDirection(
+        np.degrees(azimuth - (wobble[0].value + sag[0]) / level) % 360.0,
+        np.degrees(pitch - wobble[1].value - sag[1]),
+        np.hypot(error[0], np.degrees(wobble[0].sigma) / level),
+        np.hypot(error[1], np.degrees(wobble[1].sigma)),
+        np.degrees(np.stack([w.turn_sigma for w in wobble])),
+        (math.degrees(mounting[0]), math.degrees(mounting[1])),
+        (math.degrees(sag[0]), math.degrees(sag[1])),
+    )
+
+
+def _turned(azimuth: Floats, pitch: Floats, roll: Floats, mounting: tuple[float, float]) -> tuple[Floats, Floats]:
+    """Azimuth (unwrapped) and pitch of the direction that lies ``mounting`` (right, up) beside the body's forward axis."""
+    if mounting != (0.0, 0.0):
+        axis = np.array([math.tan(mounting[0]), 1.0, math.tan(mounting[1])])
+        along = attitude_to_matrix(np.degrees(azimuth), np.degrees(pitch), np.degrees(roll)) @ axis
+        azimuth = np.arctan2(along[:, 0], along[:, 1])
+        pitch = np.arctan2(along[:, 2], np.hypot(along[:, 0], along[:, 1]))
+    return np.unwrap(azimuth), pitch
+
+
+def _apart(trajectory: xr.Dataset, azimuth: Floats, pitch: Floats) -> Floats:
+    """What the path falls short of the attitude between successive samples, to the right and up (metre); shape (n, 2)."""
+    latitude, height = trajectory["latitude"].values, trajectory["height"].values
+    meridian, normal = radii(latitude)
+    north = np.radians(np.diff(latitude)) * (meridian + height)[1:]
+    east = np.radians(np.diff(trajectory["longitude"].values)) * ((normal + height) * np.cos(np.radians(latitude)))[1:]
+    a, p = 0.5 * (azimuth[1:] + azimuth[:-1]), 0.5 * (pitch[1:] + pitch[:-1])
+    right = east * np.cos(a) - north * np.sin(a)
+    up = np.diff(height) * np.cos(p) - (east * np.sin(a) + north * np.cos(a)) * np.sin(p)
+    return np.concatenate([np.zeros((1, 2)), -np.stack([right, up], axis=1)])
+
+
+def _constants(travel: Floats, apart: Floats, roll: Floats) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Mounting (right, up in the body) and sag (right, up, level) by a robust adjustment of block means (radian)."""
+    block = ((travel - travel[0]) / _BLOCK_M).astype(np.int64)
+    length = np.maximum(np.bincount(block, np.diff(travel, prepend=travel[0])), 1e-6)
+    use = length > 0.5 * _BLOCK_M
+    if use.sum() < 3:
+        use = length > 0
+    means = [(np.bincount(block, apart[:, i]) / length)[use] for i in range(2)]
+    weight = np.diff(travel, prepend=travel[0])
+    c, s = ((np.bincount(block, weight * f(roll)) / length)[use] for f in (np.cos, np.sin))
+    zero, one = np.zeros(c.size), np.ones(c.size)
+    A = np.vstack([np.stack([-c, -s, one, zero], axis=1), np.stack([s, -c, zero, one], axis=1)])
+    y = np.concatenate(means)
+    x = np.zeros(4)
+    prior = np.eye(4) / _PRIOR_RAD**2
+    for _ in range(10):
+        residual = y - A @ x
+        sigma = max(MAD_TO_SIGMA * float(np.median(np.abs(residual))), 1e-7)
+        w = np.minimum(1.0, 1.5 * sigma / np.maximum(np.abs(residual), 1e-12)) / sigma**2
+        x = np.linalg.solve(A.T @ (w[:, None] * A) + prior, A.T @ (w * y))
+    return (float(x[0]), float(x[1])), (float(x[2]), float(x[3]))
+
+
+def _wobble(trajectory: xr.Dataset, travel: Floats, apart: Floats, grid: Floats, header: RunHeader) -> list[Wobble]:
+    """Wobble to the right and up on the grid, with its sigma and that of its turns (radian)."""
+    cell = np.round((travel - travel[0]) / _NODE_M).astype(np.int64)
+    n = int(cell[-1]) + 1
+    count = np.bincount(cell, minlength=n)
+    with np.errstate(invalid="ignore"):
+        speed = np.bincount(cell, trajectory["speed"].values, minlength=n) / count
+    nodes = travel[0] + _NODE_M * np.arange(n)
+    usual = float(np.nanmedian(speed))
+    speed = np.where(np.isfinite(speed), speed, usual).clip(0.1 * usual)
+    out = []
+    for i in range(2):
+        total = np.bincount(cell, np.cumsum(apart[:, i]), minlength=n) / np.maximum(count, 1)
+        total = np.where(count > 0, total, np.nan)
+        out.append(_smoothed(total, speed, nodes, grid, header))
+    return out
+
+
+def _smoothed(total: Floats, speed: Floats, nodes: Floats, grid: Floats, header: RunHeader) -> Wobble:
+    usual = float(np.median(speed))
+    model = fit_wobble(total, _NODE_M, usual, header.imu)
+    F, Q, Q_push, P0 = model.discrete(_NODE_M)
+    value, sigma, odd = np.empty(total.size), np.empty(total.size), np.zeros(1, np.int64)
+    push = (usual / speed) ** 3
+    variance = np.full(total.size, model.shift_variance)
+    _kernels_path.smooth_integral(total, variance, push, F, Q, Q_push, P0, 1, value, sigma, odd)
+    if odd[0]:
+        _log.info("%d of %d nodes of the path lie beyond five sigma and carry less weight", odd[0], total.size)
+    turn = model.turn_sigma(TURN_LAGS_M, _NODE_M)
+    return Wobble(np.interp(grid, nodes, value), np.interp(grid, nodes, sigma), turn)
+
+
+def _on_grid(grid: Floats, travel: Floats, values: Floats, step: float) -> Floats:
+    """Mean over a step about each place of the grid; at the ends the value itself."""
+    mean = box_average(grid, travel, values, step)
+    return np.where(np.isfinite(mean), mean, interpolate(grid, travel, values))

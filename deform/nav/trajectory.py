@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from deform.errors import Fault, InputError
 from deform.geometry.earth import enu_shift
 from deform.geometry.resample import interpolate, interpolate_angle, regular_grid
-from deform.nav.pipe_direction import direction_of_travel
+from deform.nav.pipe_direction import TURN_LAGS_M, direction_along
 from deform.options import NavigationOptions
 from deform.run import build
 from deform.run.raw import RunHeader
@@ -114,8 +114,8 @@ def centreline(
     navigation : result of `deform.nav.navigate.navigate`, or anything with its ``trajectory``.
     header : content of ``run.toml``.
     options : step of the chainage.
-    pose : place of the tool's axis in the pipe from the caliper on ``chainage``: ``offset_right`` (looking downstream) and
-        ``offset_up`` (metre); it is taken off the position.
+    pose : group ``pose`` of the caliper on ``time``: place of the tool's axis in the pipe, ``offset_right`` (looking
+        downstream) and ``offset_up`` (metre); it is taken off the position.
 
     Raises
     ------
@@ -126,7 +126,8 @@ def centreline(
     -----
     Azimuth and pitch are the pipe's looking downstream: for an upstream run the azimuth is turned by 180 degree and the pitch
     changes sign. Samples at standstill, or behind a place already reached, carry no new place and are left out, so that time
-    is monotone along the chainage.
+    is monotone along the chainage. Attributes ``turn_lag_m`` and ``turn_sigma_deg`` of azimuth and pitch say how sure a turn
+    between two places that far apart is (for the azimuth: times the cosine of the pitch).
     """
     options = options or NavigationOptions()
     source = navigation.trajectory
@@ -135,7 +136,6 @@ def centreline(
         advance = np.ptp(source["chainage"].values)
         rule = f"the tool advanced by {advance:.3f} m; too short for a chainage in steps of {options.chainage_step_m} m"
         raise InputError(Fault(f"{header.id}/trajectory", "chainage", rule))
-    azimuth, pitch, azimuth_sigma, pitch_sigma = direction_of_travel(source)
     source = source.isel(time=keep)
     axis = source["chainage"].values
     grid = regular_grid(axis.min(), axis.max(), options.chainage_step_m)
@@ -152,15 +152,19 @@ def centreline(
         "speed",
     )
     values |= {name: interpolate(grid, axis, source[name].values) for name in names if name in source}
+    ahead = slice(None, None, header.travel_sign)
+    found = direction_along(source, axis * header.travel_sign, (grid * header.travel_sign)[ahead], header)
     turned = 0.0 if header.travel_sign > 0 else 180.0
-    values["azimuth"] = (interpolate_angle(grid, axis, azimuth[keep]) + turned) % 360.0
-    values["pitch"] = header.travel_sign * interpolate(grid, axis, pitch[keep])
-    values["azimuth_sigma"] = interpolate(grid, axis, azimuth_sigma[keep])
-    values["pitch_sigma"] = interpolate(grid, axis, pitch_sigma[keep])
+    values["azimuth"] = (found.azimuth[ahead] + turned) % 360.0
+    values["pitch"] = header.travel_sign * found.pitch[ahead]
+    values["azimuth_sigma"], values["pitch_sigma"] = found.azimuth_sigma[ahead], found.pitch_sigma[ahead]
     values["tool_roll"] = (interpolate_angle(grid, axis, source["roll"].values) + 180.0) % 360.0 - 180.0
     if pose is not None:
         _take_off_offset(values, pose)
-    return build.dataset("centreline", values)
+    line = build.dataset("centreline", values)
+    for name, sigma in zip(("azimuth", "pitch"), found.turn_sigma, strict=True):
+        line[name].attrs |= {"turn_lag_m": TURN_LAGS_M.tolist(), "turn_sigma_deg": sigma.tolist()}
+    return line
 
 
 def _advancing(along: Floats) -> Floats:
@@ -176,8 +180,8 @@ def _advancing(along: Floats) -> Floats:
 
 def _take_off_offset(values: dict[str, Floats], pose: xr.Dataset) -> None:
     """Move the positions from the tool's axis to the pipe's centreline, where the caliper tells both apart."""
-    right = np.nan_to_num(interpolate(values["chainage"], pose["chainage"].values, pose["offset_right"].values))
-    up = np.nan_to_num(interpolate(values["chainage"], pose["chainage"].values, pose["offset_up"].values))
+    right = np.nan_to_num(interpolate(values["time"], pose["time"].values, pose["offset_right"].values))
+    up = np.nan_to_num(interpolate(values["time"], pose["time"].values, pose["offset_up"].values))
     azimuth, pitch = np.radians(values["azimuth"]), np.radians(values["pitch"])
     east = -(right * np.cos(azimuth) - up * np.sin(pitch) * np.sin(azimuth))
     north = -(-right * np.sin(azimuth) - up * np.sin(pitch) * np.cos(azimuth))

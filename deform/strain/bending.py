@@ -45,12 +45,22 @@ def add_bending(centreline: xr.Dataset, *, outside_diameter: float, options: Str
     )
     step = float(np.diff(centreline["chainage"].values[:2])[0])
     window, lag = max(round(_SIGMA_WINDOW_M / step), 10), max(round(4.0 * gauge / step), 1)
-    sigmas = noise_sigma(horizontal, window, lag), noise_sigma(vertical, window, lag)
+    sigmas = [
+        _stated(centreline[name], gauge, k) if "turn_sigma_deg" in centreline[name].attrs else noise_sigma(k, window, lag)
+        for name, k in (("azimuth", horizontal), ("pitch", vertical))
+    ]
     values = _variables(horizontal, vertical, sigmas[0], sigmas[1], 0.5 * outside_diameter)
     out = build.add(centreline, "centreline", values)
     for name in values:
         out[name].attrs["gauge_length_m"] = gauge
     return out
+
+
+def _stated(direction: xr.DataArray, gauge: float, values: Floats) -> Floats:
+    """Sigma of curvature from what navigation says about turns over the gauge."""
+    lag, sigma = (np.asarray(direction.attrs[name], float) for name in ("turn_lag_m", "turn_sigma_deg"))
+    turn = np.exp(np.interp(np.log(gauge), np.log(lag), np.log(np.maximum(sigma, 1e-12))))
+    return np.full(values.shape, np.radians(turn) / gauge)
 
 
 def tension_clock(horizontal: Floats, vertical: Floats) -> Floats:

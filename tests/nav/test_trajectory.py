@@ -125,10 +125,8 @@ def test_tool_roll_takes_the_short_way_through_the_turn():
 def test_offset_of_the_tool_in_the_pipe_is_taken_off():
     values, _ = straight()
     made = of(values)
-    chainage = made.trajectory.chainage.values[[0, -1]]
-    pose = xr.Dataset(
-        {"chainage": ("scan", np.unique(chainage)), "offset_right": ("scan", [0.02, 0.02]), "offset_up": ("scan", [-0.03, -0.03])}
-    )
+    time = made.trajectory.time.values[[0, -1]]
+    pose = xr.Dataset({"time": time, "offset_right": ("time", [0.02, 0.02]), "offset_up": ("time", [-0.03, -0.03])})
     plain, moved = centreline(made, header()), centreline(made, header(), pose=pose)
     east, north, up = enu_difference(moved.latitude, moved.longitude, moved.height, plain.latitude, plain.longitude, plain.height)
     right = east * np.cos(np.radians(AZIMUTH)) - north * np.sin(np.radians(AZIMUTH))

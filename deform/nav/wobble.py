@@ -1,0 +1,197 @@
+"""The path's departure from the attitude in; a model of the tool's wobble in the pipe, fitted by its spectrum, out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.optimize import least_squares
+from scipy.signal import welch
+
+from deform.run.raw import ImuHeader
+
+Floats = NDArray[Any]
+
+_STANDARD_GRAVITY = 9.80665
+_PATH_LENGTH_M = 300.0  # over which markers and the cross-track constraint bound an error of the path's direction
+_SEGMENT_M = 256.0  # length of the pieces whose spectra are averaged
+_ORDERS = (1, 2, 3, 4)  # poles of the wobble: how sharply it fades towards short waves
+_DEFAULT = (math.radians(0.2), 10.0, 1e-3)  # wobble (rad), its length (m), shift (m) where a run is too short to tell
+
+
+@dataclass(frozen=True)
+class Wobble:
+    """Wobble on a grid (radian), its sigma, and the sigma of its turn over given lags."""
+
+    value: Floats
+    sigma: Floats
+    turn_sigma: Floats
+
+    @classmethod
+    def absent(cls, n: int) -> Wobble:
+        """No knowledge about the wobble: none assumed."""
+        return cls(np.zeros(n), np.zeros(n), np.full(12, math.radians(_DEFAULT[0])))
+
+
+@dataclass(frozen=True)
+class WobbleModel:
+    """Spectra of wobble and noise along the pipe.
+
+    Attributes
+    ----------
+    drive : intensity of the white noise that drives the wobble (rad²/m).
+    rate : decay of each pole (1/m).
+    order : number of poles.
+    shift_variance : variance of the tool's shift in the pipe, and of its shaking, at one node (m²).
+    path_drive : intensity of the random walk of the path's direction: accelerometer noise over speed (rad²/m).
+    turn_drive : random walk of the gyros per metre (rad²/m).
+    quantum : variance of one attitude from the gyros' resolution (rad²).
+    """
+
+    drive: float
+    rate: float
+    order: int
+    shift_variance: float
+    path_drive: float
+    turn_drive: float
+    quantum: float = 0.0
+
+    def wobble_spectrum(self, frequency: Floats) -> Floats:
+        """One-sided power spectral density of the wobble (rad² m)."""
+        return _wobble_spectrum(frequency, self.drive, self.rate, self.order)
+
+    def noise_spectrum(self, frequency: Floats, node: float) -> Floats:
+        """One-sided power spectral density of what else is in the departure (rad² m)."""
+        return _noise_spectrum(frequency, self.shift_variance, self.path_drive, node)
+
+    def discrete(self, node: float) -> tuple[Floats, Floats, Floats, Floats]:
+        """Transition, noise of the wobble, noise of the path, first covariance of [integral, wobble ... poles, path error]."""
+        m = self.order + 2
+        A, L = np.zeros((m, m)), np.zeros((m, m))
+        A[0, 1] = A[0, m - 1] = 1.0
+        for i in range(1, m - 1):
+            A[i, i] = -self.rate
+            if i < m - 2:
+                A[i, i + 1] = self.rate
+        A[m - 1, m - 1] = -1.0 / _PATH_LENGTH_M
+        L[m - 2, m - 2] = self.drive
+        push = np.zeros((m, m))
+        push[m - 1, m - 1] = self.path_drive
+        F, Q = _van_loan(A, L, node)
+        Q_push = _van_loan(A, push, node)[1]
+        P0 = np.zeros((m, m))
+        inner = slice(1, m - 1)
+        P0[inner, inner] = solve_continuous_lyapunov(A[inner, inner], -L[inner, inner])
+        P0[m - 1, m - 1] = 0.5 * self.path_drive * _PATH_LENGTH_M
+        P0[0, 0] = 100.0 * self.shift_variance
+        return F, Q, Q_push, P0
+
+    def turn_sigma(self, lags: Floats, node: float) -> Floats:
+        """Sigma (rad) that the smoother leaves in the turn between two places these lags (m) apart.
+
+        Notes
+        -----
+        The error of a two-sided smoother has the spectrum S_w S_n / (S_w + S_n); a turn over a lag l passes
+        2 (1 - cos 2π f l) of it. The random walk of the gyros and their resolution stand beside.
+        """
+        frequency = np.geomspace(1e-4, 20.0, 4000)
+        wobble, noise = self.wobble_spectrum(frequency), self.noise_spectrum(np.minimum(frequency, 0.5 / node), node)
+        left = wobble * noise / (wobble + noise)
+        passed = 2.0 * (1.0 - np.cos(2.0 * np.pi * frequency * lags[:, None]))
+        return np.sqrt(np.trapezoid(left * passed, frequency, axis=1) + self.turn_drive * lags + 2.0 * self.quantum)
+
+
+def fit_wobble(total: Floats, node: float, speed: float, imu: ImuHeader) -> WobbleModel:
+    """Return the model whose spectrum is that of the run.
+
+    Parameters
+    ----------
+    total : attitude minus path, summed along the pipe, at nodes (m); NaN where there is none.
+    node : spacing of the nodes (m).
+    speed : usual speed (m/s).
+    imu : maker's figures; the accelerometers' random walk sets the error of the path, it is not fitted.
+
+    Notes
+    -----
+    Averaged periodograms in bands of equal ratio, compared by their logarithms: wobble of 1 to 4 equal poles, plus the shift of
+    the tool as white noise of the path. The number of poles with the least misfit is taken.
+    """
+    path = (imu.accel_random_walk_ug_per_sqrt_hz * 1e-6 * _STANDARD_GRAVITY) ** 2 / max(speed, 0.05) ** 3
+    turn = (math.radians(imu.gyro_random_walk_deg_per_sqrt_h) / 60.0) ** 2 / max(speed, 0.05)
+    sigma, length, shift = _DEFAULT
+    fallback = WobbleModel(2.0 * sigma**2 / length, 1.0 / length, 1, shift**2, path, turn)
+    frequency, power, weight = _spectrum(total, node)
+    if frequency.size < 6:
+        return fallback
+    best, least = fallback, np.inf
+    for order in _ORDERS:
+        model, misfit = _fit_order(frequency, power, weight, order, node, path, turn)
+        if misfit < least:
+            best, least = model, misfit
+    return best
+
+
+def _fit_order(frequency: Floats, power: Floats, weight: Floats, order: int, node: float, path: float, turn: float):
+    """Least squares of the logarithms over wobble power, decay and shift."""
+    variance = max(float(np.trapezoid(power, frequency)), 1e-14)
+    highest = power[-3:].mean()
+    shift = highest / (2.0 * node * (2.0 * math.sin(math.pi * min(frequency[-1] * node, 0.5)) / node) ** 2)
+
+    def unpack(x):
+        rate = math.exp(x[1])
+        return math.exp(x[0]) * rate, rate, math.exp(x[2])
+
+    def misfit(x):
+        drive, rate, spread = unpack(x)
+        model = _wobble_spectrum(frequency, drive, rate, order) + _noise_spectrum(frequency, spread, path, node)
+        return np.sqrt(weight) * np.log(model / power)
+
+    start = np.array([math.log(variance), math.log(0.1 * order), math.log(max(shift, 1e-12))])
+    low, high = np.array([-40.0, math.log(1e-3), -35.0]), np.array([0.0, math.log(20.0), 0.0])
+    found = least_squares(misfit, np.clip(start, low + 1e-3, high - 1e-3), bounds=(low, high))
+    drive, rate, spread = unpack(found.x)
+    return WobbleModel(drive, rate, order, spread, path, turn), 2.0 * float(found.cost)
+
+
+def _spectrum(total: Floats, node: float) -> tuple[Floats, Floats, Floats]:
+    """Robust averaged spectrum of the departure (rad² m) in bands: frequency, power, number of periodograms' values in it."""
+    known = np.flatnonzero(np.isfinite(total))
+    if known.size < 128:
+        return np.empty(0), np.empty(0), np.empty(0)
+    filled = np.interp(np.arange(total.size), known, total[known])
+    slope = np.diff(filled) / node
+    size = min(round(_SEGMENT_M / node), slope.size)
+    frequency, power = welch(slope, fs=1.0 / node, nperseg=size, average="median" if slope.size > 4 * size else "mean")
+    pieces = max(1.0, slope.size / size)
+    edges = np.geomspace(frequency[1] * 0.9, 0.5 / node * 1.001, 28)
+    band = np.digitize(frequency, edges)
+    rows = [(np.exp(np.log(frequency[b]).mean()), np.exp(np.log(np.maximum(power[b], 1e-30)).mean()), b.sum() * pieces)
+            for b in (np.flatnonzero(band == i) for i in range(1, edges.size)) if b.size]  # fmt: skip
+    table = np.array(rows)
+    return table[:, 0], table[:, 1], table[:, 2]
+
+
+def _wobble_spectrum(frequency: Floats, drive: float, rate: float, order: int) -> Floats:
+    omega2 = (2.0 * np.pi * frequency) ** 2
+    return 2.0 * drive * rate ** (2 * order - 2) / (omega2 + rate**2) ** order
+
+
+def _noise_spectrum(frequency: Floats, shift: float, path: float, node: float) -> Floats:
+    omega2 = (2.0 * np.pi * frequency) ** 2
+    slope = 2.0 * node * shift * (2.0 * np.sin(np.pi * frequency * node) / node) ** 2
+    return slope + 2.0 * path / (omega2 + 1.0 / _PATH_LENGTH_M**2)
+
+
+def _van_loan(A: Floats, L: Floats, step: float) -> tuple[Floats, Floats]:
+    """Transition over a step and the covariance that white noise of intensity L gathers in it (Van Loan 1978)."""
+    m = A.shape[0]
+    block = np.zeros((2 * m, 2 * m))
+    block[:m, :m], block[:m, m:], block[m:, m:] = -A, L, A.T
+    exponential = expm(block * step)
+    F = exponential[m:, m:].T
+    Q = F @ exponential[:m, m:]
+    return F, 0.5 * (Q + Q.T)
