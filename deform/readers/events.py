@@ -68,10 +68,10 @@ def read_weld_events(path: Path, span: tuple[float, float] | None, findings: Fin
     keep = _inside(time, span, findings)
     if len(findings.faults) > known:
         return None
-    time, amplitude = _sorted(time[keep], amplitude[keep], findings)
-    if not time.size:
+    if not keep.any():
         findings.repair(FILE, "", "holds no weld event; the detector gives nothing to this run")
         return None
+    time, amplitude = _sorted(time[keep], amplitude[keep], findings)
     values = {"time": time} | ({"amplitude": amplitude} if np.isfinite(amplitude).any() else {})
     return build.dataset("weld_events", values)
 
