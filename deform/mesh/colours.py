@@ -15,7 +15,7 @@ _DIVERGING = (
 def colours(value: np.ndarray, *, diverging: bool = False) -> np.ndarray:
     """Return colours (n, 3) in 0 … 1 of values (n,); unknown values are grey.
 
-    A diverging scale is white at zero and reaches its ends at the largest size; the other one goes from the least to the greatest.
+    A diverging scale is white at zero and ends at the largest size; the other one runs from the least to the greatest.
     """
     value = np.asarray(value, float)
     finite = np.isfinite(value)

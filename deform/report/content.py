@@ -16,7 +16,7 @@ from deform.errors import DeformError, Fault, InputError
 from deform.run import store
 
 _TABLES = ("zones", "dents", "trends", "joints", "welds")
-_GROUPS = ("centreline", "welds", "dents", "markers", "features")
+_GROUPS = ("centreline", "welds", "dents", "markers", "features", "navigation")
 
 
 @dataclass(frozen=True)

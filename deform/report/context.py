@@ -123,7 +123,8 @@ def zone_rows(content: Content, options: ReportOptions) -> list[dict[str, Any]]:
                 "length": number(zone.end_m - zone.start_m, 1, "m"),
                 "size": size,
                 "severity": ("high" if size >= 1 else "medium" if size >= 0.5 else "low") if moved else "construction",
-                "first_epoch": _dated(content, zone.first_epoch),
+                "first_epoch": zone.first_epoch or NOTHING,
+                "first_date": content.dates.get(zone.first_epoch, ""),
                 "strain": microstrain(zone.peak_strain_change, zone.peak_strain_change_sigma),
                 "strain_value": zone.peak_strain_change,
                 "displacement": with_sigma(zone.peak_displacement_m, zone.peak_displacement_sigma_m, 2, "m"),
@@ -138,10 +139,6 @@ def zone_rows(content: Content, options: ReportOptions) -> list[dict[str, Any]]:
         )
     rows.sort(key=lambda r: (r["kind"] == "reconfiguration", np.inf if r["rank_given"] is None else r["rank_given"], -r["size"]))
     return [row | {"rank": i + 1} for i, row in enumerate(rows)]
-
-
-def _dated(content: Content, run: str) -> str:
-    return f"{run} ({content.dates[run]})" if run in content.dates else run or NOTHING
 
 
 def percent(probability: float) -> str:

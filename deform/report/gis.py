@@ -13,7 +13,7 @@ import pandas as pd
 
 from deform.errors import Fault, InputError, MissingExtraError, OptionError
 from deform.options import ReportOptions
-from deform.report.content import Content
+from deform.report.content import Content, records
 from deform.report.context import build_context
 from deform.run import store
 from deform.units import clock_text
@@ -133,7 +133,7 @@ def _zone(zone: dict) -> dict[str, Any]:
 def _dents(content: Content, place: dict[str, _Place], shapely: Any) -> pd.DataFrame:
     table = content.tables["dents"]
     table = table[table.run.isin([run for run, p in place.items() if p.known]) & table.run_chainage_m.notna()].copy()
-    points = [place[row.run].at([row.run_chainage_m])[:, 0] for row in table.itertuples()]
+    points = [place[row.run].at([row.run_chainage_m])[:, 0] for row in records(table)]
     table["clock"] = [clock_text(c) if np.isfinite(c) else "" for c in table.clock_deg.astype(float)]
     table["geometry"] = [shapely.Point(*p) if np.isfinite(p).all() else None for p in points]
     return table[table.geometry.notna()]
@@ -187,7 +187,7 @@ def kml(content: Content, layers: dict[str, pd.DataFrame]) -> str:
     )
 
 
-def _placemark(layer: str, row: dict[str, Any]) -> str:
+def _placemark(layer: str, row: dict[Any, Any]) -> str:
     title = str(row.get("id") or row.get("dent_id") or row.get("name") or row.get("run"))
     title += f" {row['run']}" if layer == "dents" else ""
     said = "\n".join(f"{k}: {v}" for k, v in row.items() if k != "geometry" and not _nothing(v))

@@ -57,9 +57,9 @@
     ];
   }
   function layout() {
-    const n = lanes(), gap = 0.028, each = (1 - gap * (n - 1)) / (n - 0.45);
+    const n = lanes(), total = n * (narrow() ? 120 : 140) + 60, head = 22 / (total - 70), each = (1 - n * head) / (n - 0.45);
     const result = {
-      height: 60 + n * (narrow() ? 120 : 150), margin: { l: narrow() ? 52 : 70, r: 12, t: 26, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+      height: total, margin: { l: narrow() ? 52 : 70, r: 12, t: 6, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { color: css("--ink"), size: narrow() ? 10 : 12 }, hovermode: "x", hoversubplots: "axis", dragmode: "zoom", showlegend: false,
       xaxis: { range: view.slice(), title: { text: "reference chainage (m), rising downstream" }, gridcolor: css("--grid"), zeroline: false, anchor: "y" + (n > 1 ? n : ""), tickformat: ",.6~r", separatethousands: true },
       hoverlabel: { bgcolor: css("--raised"), font: { color: css("--ink") } }, annotations: [], shapes: [],
@@ -67,11 +67,11 @@
     let top = 1;
     for (let k = 0; k < n; k++) {
       const last = k === n - 1, size = last ? each * 0.55 : each, key = "yaxis" + (k ? k + 1 : "");
-      const domain = [Math.max(top - size + 0.03, 0), Math.max(top - 0.005, 0.01)];
+      const domain = [Math.max(top - head - size, 0), Math.max(top - head, 0.01)];
       const title = last ? "Markers and valves ▼, dents ●, welds not in all runs |" : `${panels[k].title} (${panels[k].unit}), ${panels[k].positive}`;
-      result[key] = { domain, fixedrange: true, gridcolor: css("--grid"), zerolinecolor: css("--quiet"), automargin: false, nticks: 5, separatethousands: true, ...(last ? { range: [0.3, 3.7], showticklabels: false, showgrid: false } : {}) };
+      result[key] = { domain, fixedrange: true, gridcolor: css("--grid"), zerolinecolor: css("--quiet"), automargin: false, nticks: 5, separatethousands: true, exponentformat: "none", ...(last ? { range: [0.3, 3.7], showticklabels: false, showgrid: false } : {}) };
       result.annotations.push({ xref: "paper", yref: "paper", x: 0, y: domain[1], xanchor: "left", yanchor: "bottom", showarrow: false, align: "left", text: title, font: { size: narrow() ? 9 : 12 } });
-      top -= size + gap;
+      top -= size + head;
     }
     data.zones.forEach((z) => {
       result.shapes.push({ type: "rect", xref: "x", yref: "paper", x0: z.start, x1: z.end, y0: 0, y1: 1, layer: "below", line: { width: 0 }, fillcolor: css(`--${z.severity}`) + "30" });
