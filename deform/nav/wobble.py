@@ -17,8 +17,9 @@ from deform.run.raw import ImuHeader
 Floats = NDArray[Any]
 
 _STANDARD_GRAVITY = 9.80665
-_PATH_LENGTH_M = 300.0  # over which markers and the cross-track constraint bound an error of the path's direction
+_PATH_LENGTH_M = 100.0  # over which markers and the cross-track constraint bound an error of the path's direction
 _SEGMENT_M = 256.0  # length of the pieces whose spectra are averaged
+_MOST_WEIGHT = 30.0  # values of the periodogram that a band counts for; more of them do not make the model better
 _ORDERS = (1, 2, 3, 4)  # poles of the wobble: how sharply it fades towards short waves
 _DEFAULT = (math.radians(0.2), 10.0, 1e-3)  # wobble (rad), its length (m), shift (m) where a run is too short to tell
 
@@ -47,6 +48,7 @@ class WobbleModel:
     rate : decay of each pole (1/m).
     order : number of poles.
     shift_variance : variance of the tool's shift in the pipe, and of its shaking, at one node (m²).
+    ride : intensity of the white noise of the path's direction: the tool's shift as it wanders (rad² m).
     path_drive : intensity of the random walk of the path's direction: accelerometer noise over speed (rad²/m).
     turn_drive : random walk of the gyros per metre (rad²/m).
     quantum : variance of one attitude from the gyros' resolution (rad²).
@@ -56,6 +58,7 @@ class WobbleModel:
     rate: float
     order: int
     shift_variance: float
+    ride: float
     path_drive: float
     turn_drive: float
     quantum: float = 0.0
@@ -66,7 +69,7 @@ class WobbleModel:
 
     def noise_spectrum(self, frequency: Floats, node: float) -> Floats:
         """One-sided power spectral density of what else is in the departure (rad² m)."""
-        return _noise_spectrum(frequency, self.shift_variance, self.path_drive, node)
+        return _noise_spectrum(frequency, self.shift_variance, self.ride, self.path_drive, node)
 
     def discrete(self, node: float) -> tuple[Floats, Floats, Floats, Floats]:
         """Transition, noise of the wobble, noise of the path, first covariance of [integral, wobble ... poles, path error]."""
@@ -78,6 +81,7 @@ class WobbleModel:
             if i < m - 2:
                 A[i, i + 1] = self.rate
         A[m - 1, m - 1] = -1.0 / _PATH_LENGTH_M
+        L[0, 0] = self.ride
         L[m - 2, m - 2] = self.drive
         push = np.zeros((m, m))
         push[m - 1, m - 1] = self.path_drive
@@ -118,43 +122,44 @@ def fit_wobble(total: Floats, node: float, speed: float, imu: ImuHeader) -> Wobb
     Notes
     -----
     Averaged periodograms in bands of equal ratio, compared by their logarithms: wobble of 1 to 4 equal poles, plus the shift of
-    the tool as white noise of the path. The number of poles with the least misfit is taken.
+    the tool as white noise and as random walk of the path. The number of poles with the least misfit is taken.
     """
     path = (imu.accel_random_walk_ug_per_sqrt_hz * 1e-6 * _STANDARD_GRAVITY) ** 2 / max(speed, 0.05) ** 3
     turn = (math.radians(imu.gyro_random_walk_deg_per_sqrt_h) / 60.0) ** 2 / max(speed, 0.05)
     sigma, length, shift = _DEFAULT
-    fallback = WobbleModel(2.0 * sigma**2 / length, 1.0 / length, 1, shift**2, path, turn)
+    fallback = WobbleModel(2.0 * sigma**2 / length, 1.0 / length, 1, shift**2, 0.0, path, turn)
     frequency, power, weight = _spectrum(total, node)
     if frequency.size < 6:
         return fallback
     best, least = fallback, np.inf
     for order in _ORDERS:
-        model, misfit = _fit_order(frequency, power, weight, order, node, path, turn)
-        if misfit < least:
-            best, least = model, misfit
+        for rate in (0.03, 0.3):
+            model, misfit = _fit_order(frequency, power, weight, order, rate * order, node, path, turn)
+            if misfit < least:
+                best, least = model, misfit
     return best
 
 
-def _fit_order(frequency: Floats, power: Floats, weight: Floats, order: int, node: float, path: float, turn: float):
-    """Least squares of the logarithms over wobble power, decay and shift."""
+def _fit_order(
+    frequency, power, weight, order: int, rate: float, node: float, path: float, turn: float
+) -> tuple[WobbleModel, float]:
+    """Least squares of the logarithms over wobble power, decay, shift and ride, begun at a decay."""
     variance = max(float(np.trapezoid(power, frequency)), 1e-14)
-    highest = power[-3:].mean()
-    shift = highest / (2.0 * node * (2.0 * math.sin(math.pi * min(frequency[-1] * node, 0.5)) / node) ** 2)
+    steep = 2.0 * node * (2.0 * np.sin(np.pi * np.minimum(frequency[-3:] * node, 0.5)) / node) ** 2
+    shift, ride = float((power[-3:] / steep).mean()), 0.5 * float(power.min())
 
-    def unpack(x):
-        rate = math.exp(x[1])
-        return math.exp(x[0]) * rate, rate, math.exp(x[2])
+    def model_of(x):
+        size, decay, spread, white = np.exp(x)
+        return WobbleModel(size * decay, decay, order, spread, white, path, turn)
 
     def misfit(x):
-        drive, rate, spread = unpack(x)
-        model = _wobble_spectrum(frequency, drive, rate, order) + _noise_spectrum(frequency, spread, path, node)
-        return np.sqrt(weight) * np.log(model / power)
+        model = model_of(x)
+        return np.sqrt(weight) * np.log((model.wobble_spectrum(frequency) + model.noise_spectrum(frequency, node)) / power)
 
-    start = np.array([math.log(variance), math.log(0.1 * order), math.log(max(shift, 1e-12))])
-    low, high = np.array([-40.0, math.log(1e-3), -35.0]), np.array([0.0, math.log(20.0), 0.0])
+    low, high = np.log([1e-16, 1e-3, 1e-15, 1e-16]), np.log([1.0, 2.0 * order, 1.0, 1.0])
+    start = np.log([variance, rate, max(shift, 1e-14), max(ride, 1e-15)])
     found = least_squares(misfit, np.clip(start, low + 1e-3, high - 1e-3), bounds=(low, high))
-    drive, rate, spread = unpack(found.x)
-    return WobbleModel(drive, rate, order, spread, path, turn), 2.0 * float(found.cost)
+    return model_of(found.x), 2.0 * float(found.cost)
 
 
 def _spectrum(total: Floats, node: float) -> tuple[Floats, Floats, Floats]:
@@ -172,7 +177,7 @@ def _spectrum(total: Floats, node: float) -> tuple[Floats, Floats, Floats]:
     rows = [(np.exp(np.log(frequency[b]).mean()), np.exp(np.log(np.maximum(power[b], 1e-30)).mean()), b.sum() * pieces)
             for b in (np.flatnonzero(band == i) for i in range(1, edges.size)) if b.size]  # fmt: skip
     table = np.array(rows)
-    return table[:, 0], table[:, 1], table[:, 2]
+    return table[:, 0], table[:, 1], np.minimum(table[:, 2], _MOST_WEIGHT)
 
 
 def _wobble_spectrum(frequency: Floats, drive: float, rate: float, order: int) -> Floats:
@@ -180,10 +185,10 @@ def _wobble_spectrum(frequency: Floats, drive: float, rate: float, order: int) -
     return 2.0 * drive * rate ** (2 * order - 2) / (omega2 + rate**2) ** order
 
 
-def _noise_spectrum(frequency: Floats, shift: float, path: float, node: float) -> Floats:
+def _noise_spectrum(frequency: Floats, shift: float, ride: float, path: float, node: float) -> Floats:
     omega2 = (2.0 * np.pi * frequency) ** 2
     slope = 2.0 * node * shift * (2.0 * np.sin(np.pi * frequency * node) / node) ** 2
-    return slope + 2.0 * path / (omega2 + 1.0 / _PATH_LENGTH_M**2)
+    return slope + 2.0 * ride + 2.0 * path / (omega2 + 1.0 / _PATH_LENGTH_M**2)
 
 
 def _van_loan(A: Floats, L: Floats, step: float) -> tuple[Floats, Floats]:
