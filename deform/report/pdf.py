@@ -78,8 +78,6 @@ def pdf_context(content: Content, options: ReportOptions) -> dict[str, Any]:
         "trend_pictures": _trend_pictures(content),
         "limit_picture": _limit_picture(content),
         "navigation_pictures": [(run, picture(line_figures.navigation_panel(ds, run))) for run in navigated],
-        if ds is None
-        else [(run, picture(line_figures.navigation_panel(ds, run))) for run in _navigated(content)],
         "weld_runs": welds["runs"],
         "weld_rows": odd[:_MOST_WELD_ROWS],
         "weld_count": len(welds["rows"]),
@@ -102,7 +100,9 @@ def _overview(ds: Any, zones: list[dict], content: Content) -> list[tuple[str, s
         pictures.append((text, picture(line_figures.strips(ds, _OVERVIEW, zones))))
     if any(name in ds for name, *_ in _CHANGES):
         k = float(content.survey.get("options", {}).get("change", {}).get("k_sigma", 3.0))
-        text = f"Change of bending strain and displacement against {content.reference}; grey: within {k:g} sigma of no change (last run)."
+        text = (
+            f"Change of bending strain and displacement against {content.reference}; grey: within {k:g} sigma of none (last run)."
+        )
         pictures.append((text, picture(line_figures.strips(ds, _CHANGES, zones, k))))
     return pictures
 
