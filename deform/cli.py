@@ -304,14 +304,17 @@ def info(
 ) -> None:
     """Say what a file is and what it holds."""
     with _speaking(True, as_json) as voice:
-        from deform.readers.reader import scan_source
+        from deform.readers.reader import scan
 
-        content = scan_source(path)
+        found = scan(path)
         if as_json:
-            voice.line({"event": "result", **content})
-        else:
-            for key, value in content.items():
-                typer.echo(f"{key}: {value}")
+            voice.line({"event": "result", "format": found.format, "path": found.path, "remarks": found.remarks, **found.summary})
+            return
+        typer.echo(f"{found.path}: {found.format}")
+        for key, value in found.summary.items():
+            typer.echo(f"  {key}: {value}")
+        for remark in found.remarks:
+            typer.secho(f"  {remark}", fg="yellow")
 
 
 def _tell(voice: _Voice, folder: Path) -> None:

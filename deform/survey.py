@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import logging
+import tomllib
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -212,15 +213,21 @@ def _process_together(survey: Survey, ledger: Ledger, sources: list[dict], keys:
 
 def _source(entry: RunEntry) -> dict[str, Any]:
     """Who a source is and which bytes it has, without reading it."""
-    from deform.readers.reader import source_id
-
     path = Path(entry.raw or entry.tally or "")
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
     files += [Path(entry.columns)] if entry.columns and Path(entry.columns).is_file() else []
     inputs = {p.name: history.sha256(p) for p in files}
     if entry.columns and not Path(entry.columns).is_file():
         inputs["columns"] = entry.columns
-    return {"id": entry.id or source_id(path), "inputs": inputs, "entry": entry}
+    return {"id": entry.id or _id_of(path), "inputs": inputs, "entry": entry}
+
+
+def _id_of(path: Path) -> str:
+    """The id that a raw run gives itself; its folder's name when ``run.toml`` cannot tell: the reader will say why."""
+    try:
+        return str(tomllib.loads((path / "run.toml").read_text(encoding="utf-8"))["run"]["id"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return path.name
 
 
 def _check_ids(sources: list[dict[str, Any]]) -> None:
