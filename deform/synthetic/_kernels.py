@@ -9,11 +9,11 @@ from numba import njit
 
 from deform.geometry import _kernels as geometry
 
-# columns of the table of a line (one row per knot of chainage in the direction of travel)
-S, AZIMUTH, PITCH, TURN, RISE, LATITUDE, LONGITUDE, HEIGHT, D_LATITUDE, D_LONGITUDE, D_HEIGHT = range(11)
-# and of the tool in it; each with its derivative in the next column
-ROLL, YAW, TILT, RIGHT, ABOVE = 11, 13, 15, 17, 19
-COLUMNS = 21
+# table of a line: one row per knot of chainage in the direction of travel, then pairs of a value and its derivative,
+# of the pipe and of the tool in it
+S, COLUMNS = 0, 21
+AZIMUTH, PITCH, LATITUDE, LONGITUDE, HEIGHT, ROLL, YAW, TILT, RIGHT, ABOVE = range(1, COLUMNS, 2)
+TURN, RISE, D_LATITUDE, D_LONGITUDE, D_HEIGHT = range(2, 12, 2)
 
 HIT_FREQUENCY = 2.0 * math.pi * 22.0  # rad/s, ringing of the tool after a girth weld
 HIT_DECAY = 0.05  # s
@@ -32,8 +32,8 @@ def integrate_line(table, latitude, longitude, height):
             for k in range(3):
                 u = 0.5 + (k - 1) * node
                 w = weight if k != 1 else 8.0 / 18.0
-                a = hermite(table, i - 1, AZIMUTH, TURN, u, h)
-                p = hermite(table, i - 1, PITCH, RISE, u, h)
+                a = hermite(table, i - 1, AZIMUTH, u, h)
+                p = hermite(table, i - 1, PITCH, u, h)
                 east += w * h * math.sin(a) * math.cos(p)
                 north += w * h * math.cos(a) * math.cos(p)
                 up += w * h * math.sin(p)
@@ -53,31 +53,34 @@ def integrate_line(table, latitude, longitude, height):
 
 
 @njit(cache=True, error_model="numpy")
-def hermite(table, i, value, slope, u, h):
+def hermite(table, i, column, u, h):
     """Cubic through values and slopes of two neighbouring rows, at the fraction u of their interval h."""
     v = 1.0 - u
-    a = v * v * (1.0 + 2.0 * u) * table[i, value] + u * u * (1.0 + 2.0 * v) * table[i + 1, value]
-    return a + h * u * v * (v * table[i, slope] - u * table[i + 1, slope])
+    value = v * v * (1.0 + 2.0 * u) * table[i, column] + u * u * (1.0 + 2.0 * v) * table[i + 1, column]
+    return value + h * u * v * (v * table[i, column + 1] - u * table[i + 1, column + 1])
 
 
 @njit(cache=True, error_model="numpy")
-def hermite_slope(table, i, value, slope, u, h):
-    """Derivative of `hermite` along the axis of the table."""
+def hermite_row(table, i, u, h, row):
+    """Fill row with all values and their derivatives between two neighbouring rows of the table."""
     v = 1.0 - u
-    a = 6.0 * u * v * (table[i + 1, value] - table[i, value]) / h
-    return a + v * (v - 2.0 * u) * table[i, slope] + u * (u - 2.0 * v) * table[i + 1, slope]
+    for c in range(1, COLUMNS, 2):
+        rise = (table[i + 1, c] - table[i, c]) / h
+        first, last = table[i, c + 1], table[i + 1, c + 1]
+        row[c] = table[i, c] + h * u * (v * v * first - u * v * last + u * (3.0 - 2.0 * u) * rise)
+        row[c + 1] = 6.0 * u * v * rise + v * (v - 2.0 * u) * first + u * (u - 2.0 * v) * last
 
 
 @njit(cache=True, error_model="numpy")
-def fill_columns(table, where, value, slope, out):
+def fill_columns(table, where, column, out):
     """Fill out (n, 2) with a column and its derivative at chainages."""
+    row = np.empty(COLUMNS)
     i = 0
     for n in range(where.size):
         i = geometry.find_interval(where[n], table[:, S], i)
         h = table[i + 1, S] - table[i, S]
-        u = (where[n] - table[i, S]) / h
-        out[n, 0] = hermite(table, i, value, slope, u, h)
-        out[n, 1] = hermite_slope(table, i, value, slope, u, h)
+        hermite_row(table, i, (where[n] - table[i, S]) / h, h, row)
+        out[n, 0], out[n, 1] = row[column], row[column + 1]
 
 
 @njit(cache=True, error_model="numpy")
@@ -119,53 +122,46 @@ def shake(t, speed, vibration, hit_times, hit_signs, hit, out):
 
 
 @njit(cache=True, error_model="numpy")
-def state(t, table, motion, step, mounting, vibration, hit_times, hit_signs, i, hit, ride, T, C, x):
+def state(t, table, motion, step, mounting, vibration, hit_times, hit_signs, i, hit, work, T, C, x):
     """Fill C (3, 3), attitude of the IMU, T (3, 3), of the tool, and x with the state of the IMU; return hints.
 
     x: latitude, longitude, height, velocity east, north, up, distance, speed, azimuth and pitch of the pipe.
+    work: (COLUMNS + 5,) room for the row of the table and the shaking.
     """
+    row, ride = work[:COLUMNS], work[COLUMNS:]
     s, speed = travel(motion, step, t)
     i = geometry.find_interval(s, table[:, S], i)
     h = table[i + 1, S] - table[i, S]
-    u = (s - table[i, S]) / h
+    hermite_row(table, i, (s - table[i, S]) / h, h, row)
     hit = shake(t, speed, vibration, hit_times, hit_signs, hit, ride)
-    azimuth, pitch = hermite(table, i, AZIMUTH, TURN, u, h), hermite(table, i, PITCH, RISE, u, h)
-    turn, rise = hermite_slope(table, i, AZIMUTH, TURN, u, h), hermite_slope(table, i, PITCH, RISE, u, h)
-    yaw, tilt = hermite(table, i, YAW, YAW + 1, u, h), hermite(table, i, TILT, TILT + 1, u, h)
-    roll = hermite(table, i, ROLL, ROLL + 1, u, h)
-    right, d_right = hermite(table, i, RIGHT, RIGHT + 1, u, h), hermite_slope(table, i, RIGHT, RIGHT + 1, u, h)
-    above, d_above = hermite(table, i, ABOVE, ABOVE + 1, u, h), hermite_slope(table, i, ABOVE, ABOVE + 1, u, h)
-    geometry.attitude_matrix(T, azimuth + yaw + ride[3], pitch + tilt + ride[4], roll)
+    geometry.attitude_matrix(T, row[AZIMUTH] + row[YAW] + ride[3], row[PITCH] + row[TILT] + ride[4], row[ROLL])
     for r in range(3):
         for c in range(3):
             C[r, c] = T[r, 0] * mounting[0, c] + T[r, 1] * mounting[1, c] + T[r, 2] * mounting[2, c]
-    sa, ca, sp, cp = math.sin(azimuth), math.cos(azimuth), math.sin(pitch), math.cos(pitch)
+    sa, ca, sp, cp = math.sin(row[AZIMUTH]), math.cos(row[AZIMUTH]), math.sin(row[PITCH]), math.cos(row[PITCH])
+    right, above, turn, rise = row[RIGHT], row[ABOVE], row[TURN], row[RISE]
     # pipe frame: right (ca, -sa, 0), forward (sa cp, ca cp, sp), above (-sa sp, -ca sp, cp); its turning moves the offset
     forward = speed * (1.0 - right * turn * cp - above * rise) + ride[1]
-    across = speed * (d_right - above * turn * sp) + ride[0]
-    upward = speed * (d_above + right * turn * sp) + ride[2]
+    across = speed * (row[RIGHT + 1] - above * turn * sp) + ride[0]
+    upward = speed * (row[ABOVE + 1] + right * turn * sp) + ride[2]
     x[3] = across * ca + forward * sa * cp - upward * sa * sp
     x[4] = -across * sa + forward * ca * cp - upward * ca * sp
     x[5] = forward * sp + upward * cp
-    latitude = hermite(table, i, LATITUDE, D_LATITUDE, u, h)
-    height = hermite(table, i, HEIGHT, D_HEIGHT, u, h)
-    meridian, normal = geometry.radii(latitude)
-    x[0] = latitude + (-right * sa - above * ca * sp) / (meridian + height)
-    x[1] = hermite(table, i, LONGITUDE, D_LONGITUDE, u, h) + (right * ca - above * sa * sp) / (
-        (normal + height) * math.cos(latitude)
-    )
-    x[2] = height + above * cp
-    x[6], x[7], x[8], x[9] = s, speed, azimuth, pitch
+    meridian, normal = geometry.radii(row[LATITUDE])
+    x[0] = row[LATITUDE] + (-right * sa - above * ca * sp) / (meridian + row[HEIGHT])
+    x[1] = row[LONGITUDE] + (right * ca - above * sa * sp) / ((normal + row[HEIGHT]) * math.cos(row[LATITUDE]))
+    x[2] = row[HEIGHT] + above * cp
+    x[6], x[7], x[8], x[9] = s, speed, row[AZIMUTH], row[PITCH]
     return i, hit
 
 
 @njit(cache=True, error_model="numpy")
 def fill_states(times, table, motion, step, mounting, vibration, hit_times, hit_signs, out):
     """Fill out (n, 16) with x of `state`, then azimuth, pitch, roll of the IMU and of the tool."""
-    C, T, ride = np.empty((3, 3)), np.empty((3, 3)), np.empty(5)
+    C, T, work = np.empty((3, 3)), np.empty((3, 3)), np.empty(COLUMNS + 5)
     i, hit = 0, -1
     for n in range(times.size):
-        i, hit = state(times[n], table, motion, step, mounting, vibration, hit_times, hit_signs, i, hit, ride, T, C, out[n])
+        i, hit = state(times[n], table, motion, step, mounting, vibration, hit_times, hit_signs, i, hit, work, T, C, out[n])
         out[n, 10], out[n, 11], out[n, 12] = geometry.matrix_attitude(C)
         out[n, 13], out[n, 14], out[n, 15] = geometry.matrix_attitude(T)
 
@@ -202,10 +198,10 @@ def fill_increments(begin, dt, panels, table, motion, step, mounting, vibration,
     Each interval is cut into panels; in a panel the rotation vector and the velocity are parabolas through begin, middle and
     end, so that both telescope exactly: what is lost or gained does not grow with time.
     """
-    Cs, T, xs, ride = np.empty((3, 3, 3)), np.empty((3, 3)), np.empty((3, 10)), np.empty(5)
+    Cs, T, xs, work = np.empty((3, 3, 3)), np.empty((3, 3)), np.empty((3, 10)), np.empty(COLUMNS + 5)
     f, dv = np.empty((3, 6)), np.empty((3, 3))
     h = dt / panels
-    i, hit = state(begin, table, motion, step, mounting, vibration, hit_times, hit_signs, 0, -1, ride, T, Cs[2], xs[2])
+    i, hit = state(begin, table, motion, step, mounting, vibration, hit_times, hit_signs, 0, -1, work, T, Cs[2], xs[2])
     for n in range(out.shape[0]):
         out[n, :] = 0.0
         for k in range(panels):
@@ -213,7 +209,7 @@ def fill_increments(begin, dt, panels, table, motion, step, mounting, vibration,
             Cs[0], xs[0] = Cs[2], xs[2]
             for j in range(1, 3):
                 at = t + 0.5 * j * h
-                i, hit = state(at, table, motion, step, mounting, vibration, hit_times, hit_signs, i, hit, ride, T, Cs[j], xs[j])
+                i, hit = state(at, table, motion, step, mounting, vibration, hit_times, hit_signs, i, hit, work, T, Cs[j], xs[j])
             for c in range(3):
                 v0, vm, ve = xs[0, 3 + c], xs[1, 3 + c], xs[2, 3 + c]
                 dv[0, c] = (4.0 * vm - 3.0 * v0 - ve) / h

@@ -42,7 +42,7 @@ def scans(
         time = np.arange(first, min(first + BLOCK, total)) / tool.caliper_rate_hz
         packed = np.empty((time.size, len(tool.ring_offset_m), tool.arms), np.uint16)
         distance, _ = motion.distance(time)
-        at_imu = [motion.line.at(distance, column, column + 1)[:, 0] for column in (ROLL, YAW, TILT, RIGHT, ABOVE)]
+        at_imu = [motion.line.at(distance, column)[:, 0] for column in (ROLL, YAW, TILT, RIGHT, ABOVE)]
         poses = np.ascontiguousarray(np.stack(at_imu, axis=1))
         for ring, offset in enumerate(tool.ring_offset_m):
             noise = rng.normal(0.0, tool.arm_noise_m, (time.size, tool.arms))

@@ -179,10 +179,9 @@ def events_at(line: Line, built: Line, options: SimulateOptions, run: int) -> pd
     now, then = (radius * np.stack(x.curvature(x.chainage)) for x in (line, built))
     added = np.linalg.norm(now - then, axis=0)
     rows = []
-    for event in (*options.movements, *options.replacements):
-        replacement = isinstance(event, ReplacementOptions)
-        if replacement and run < event.first_run:
-            continue
+    happened: list[MovementOptions | ReplacementOptions] = [*options.movements]
+    happened += [r for r in options.replacements if run >= r.first_run]
+    for event in happened:
         place = place_of(built, event)
         low, high = np.searchsorted(built.material, [place.start, place.end])
         span = slice(max(low - 1, 0), high + 1)
@@ -192,8 +191,8 @@ def events_at(line: Line, built: Line, options: SimulateOptions, run: int) -> pd
         row |= {"epoch0_start_m": place.start, "epoch0_end_m": place.end, "peak_displacement_m": moved[span].max()}
         row["elongation_m"] = ends[1] - ends[0] - (place.end - place.start)
         if isinstance(event, ReplacementOptions):
-            inside = lambda joints, p=place: joints.material_start.between(p.start - 1e-6, p.end - 1e-6).sum()  # noqa: E731 - used twice, in one line each
-            row |= {"history": "step", "n_old": inside(built.joints), "n_new": inside(line.joints)}
+            number = [_within(x.joints, place).sum() for x in (built, line)]
+            row |= {"history": "step", "n_old": number[0], "n_new": number[1]}
         else:
             row |= {"peak_added_bending_strain": added[span].max(), "history": "given" if event.fractions else event.history}
             row |= {"peak_total_bending_strain": np.linalg.norm(now[:, span], axis=0).max(), "peak_axial_strain": stretch.max()}
@@ -225,7 +224,7 @@ def bump(u: Floats, plateau: float) -> Floats:
 
 
 def _to_side(built: Line, start: float, end: float, side_deg: float, drop: float) -> Floats:
-    azimuth = built.at(0.5 * (start + end), AZIMUTH, TURN)[0, 0] + np.radians(side_deg)
+    azimuth = built.at(0.5 * (start + end), AZIMUTH)[0, 0] + np.radians(side_deg)
     vector = np.array([np.sin(azimuth), np.cos(azimuth), -drop])
     return vector / np.linalg.norm(vector)
 
@@ -267,7 +266,7 @@ def _replaced_joints(
 ) -> pd.DataFrame:
     """Joints with those of a span exchanged; the welds at both ends of the span keep their names."""
     rng = stream(options.seed, "replacement", event.id)
-    inside = joints.material_start.between(place.start - 1e-6, place.end - 1e-6)
+    inside = _within(joints, place)
     ends = line.of_material([place.start, place.end])
     length = _new_lengths(float(ends[1] - ends[0]), int(inside.sum()), event.kind, options, rng)
     n = length.size
@@ -279,10 +278,15 @@ def _replaced_joints(
     fresh["length_m"], fresh["is_replaced"] = length, 1
     fresh["wall_m"] = options.route.wall_m * (1.0 + rng.normal(0.0, 0.01, n))
     fresh["ovality"], fresh["ovality_clock"] = rng.gamma(4.0, 0.0006, n), rng.uniform(0, np.pi, n)
-    headings = line.at(np.append(start, ends[1]), AZIMUTH, TURN)[:, 0], line.at(np.append(start, ends[1]), PITCH, RISE)[:, 0]
+    headings = line.at(np.append(start, ends[1]), AZIMUTH)[:, 0], line.at(np.append(start, ends[1]), PITCH)[:, 0]
     angle = np.degrees(np.hypot(np.diff(headings[0]) * np.cos(headings[1][1:]), np.diff(headings[1])))
     fresh["bend_angle_deg"], fresh["kind"] = angle, np.select([angle > 1.6, angle > 0.25], ["cold", "elastic"], "straight")
     return pd.concat([joints[~inside], fresh]).sort_values("material_start", kind="stable").reset_index(drop=True)
+
+
+def _within(joints: pd.DataFrame, place: Place) -> pd.Series:
+    """Joints that begin in a span of material."""
+    return joints.material_start.between(place.start - 1e-6, place.end - 1e-6)
 
 
 def _new_lengths(total: float, old: int, kind: str, options: SimulateOptions, rng: np.random.Generator) -> Floats:

@@ -16,7 +16,7 @@ from deform.synthetic.arms import FILL, PACKING_M
 from deform.synthetic.imu import Grade, grade_of, rate_of
 
 SOURCE = "simulated data; no real pipeline or tool"
-_PACKED = {"zlib": True, "complevel": 4, "shuffle": True}
+_PACKED: dict[str, Any] = {"zlib": True, "complevel": 4, "shuffle": True}
 
 
 def write_imu(path: Path, blocks: Iterable[tuple[NDArray, NDArray, NDArray]], grade: Grade, rate_hz: float, run: str) -> None:
@@ -55,7 +55,7 @@ def write_caliper(path: Path, blocks: Iterable[tuple[NDArray, NDArray]], angles:
     rings = len(tool.ring_offset_m)
     with netCDF4.Dataset(path, "w") as file:
         file.createDimension("scan", None)
-        dims = ("scan", "arm")
+        dims: tuple[str, ...] = ("scan", "arm")
         if rings > 1:
             file.createDimension("ring", rings)
             dims = ("scan", "ring", "arm")
@@ -68,7 +68,7 @@ def write_caliper(path: Path, blocks: Iterable[tuple[NDArray, NDArray]], angles:
             "u2",
             dims,
             chunksizes=(16384, *(len(file.dimensions[d]) for d in dims[1:])),
-            fill_value=np.uint16(FILL),
+            fill_value=FILL,
             **_PACKED,
         )
         radius.setncatts({"units": "m", "long_name": "tool axis to inner wall", "scale_factor": PACKING_M, "add_offset": 0.0})

@@ -112,7 +112,9 @@ def increments(motion: Motion, rate_hz: float, begin: float = 0.0, count: int | 
     dt = 1.0 / rate_hz
     n = int((motion.duration - begin) * rate_hz + 1e-6) if count is None else count
     out = np.empty((n, 6))
-    _kernels.fill_increments(float(begin), dt, int(np.ceil(dt / PANEL_S - 1e-9)), *motion.tables, out)
+    panels = int(np.ceil(dt / PANEL_S - 1e-9))
+    table, speed, step, mounting, vibration, hit_times, hit_signs = motion.tables
+    _kernels.fill_increments(float(begin), dt, panels, table, speed, step, mounting, vibration, hit_times, hit_signs, out)
     return out
 
 

@@ -82,7 +82,8 @@ class Motion:
         """
         times = np.ascontiguousarray(times, float)
         out = np.empty((times.size, 16))
-        _kernels.fill_states(times, *self.tables, out)
+        table, speed, step, mounting, vibration, hit_times, hit_signs = self.tables
+        _kernels.fill_states(times, table, speed, step, mounting, vibration, hit_times, hit_signs, out)
         return out
 
 

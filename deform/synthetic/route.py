@@ -52,27 +52,27 @@ class Line:
         """Length of the line (metre)."""
         return float(self.table[-1, S])
 
-    def at(self, chainage: ArrayLike, value: int, slope: int) -> Floats:
+    def at(self, chainage: ArrayLike, column: int) -> Floats:
         """Return a column of the table and its derivative at chainages, shape (n, 2)."""
         where = np.atleast_1d(np.asarray(chainage, float))
         out = np.empty((where.size, 2))
-        _kernels.fill_columns(self.table, where, value, slope, out)
+        _kernels.fill_columns(self.table, where, column, out)
         return out
 
     def position(self, chainage: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return latitude, longitude (degree) and height (metre) of the centreline."""
-        latitude = self.at(chainage, LATITUDE, _kernels.D_LATITUDE)[:, 0]
-        longitude = self.at(chainage, LONGITUDE, _kernels.D_LONGITUDE)[:, 0]
-        return np.degrees(latitude), np.degrees(longitude), self.at(chainage, HEIGHT, _kernels.D_HEIGHT)[:, 0]
+        latitude = self.at(chainage, LATITUDE)[:, 0]
+        longitude = self.at(chainage, LONGITUDE)[:, 0]
+        return np.degrees(latitude), np.degrees(longitude), self.at(chainage, HEIGHT)[:, 0]
 
     def curvature(self, chainage: ArrayLike) -> tuple[Floats, Floats]:
         """Return horizontal (to the right) and vertical (sag) curvature (1/m)."""
-        pitch = self.at(chainage, PITCH, RISE)
-        return self.at(chainage, AZIMUTH, TURN)[:, 1] * np.cos(pitch[:, 0]), pitch[:, 1]
+        pitch = self.at(chainage, PITCH)
+        return self.at(chainage, AZIMUTH)[:, 1] * np.cos(pitch[:, 0]), pitch[:, 1]
 
     def of_material(self, material: ArrayLike) -> Floats:
         """Return the chainage of material given by its chainage as built."""
-        return np.interp(material, self.material, self.chainage)
+        return np.interp(np.asarray(material, float), self.material, self.chainage)
 
     def reversed(self) -> Line:
         """Return the line as it lies before a tool that runs upstream: chainage from the far end, headings turned round."""
@@ -245,7 +245,7 @@ def _slow(where: Floats, size: float, wavelength: float, rng: np.random.Generato
 def _fields(start: Floats, options: RouteOptions) -> NDArray[np.bool_]:
     """Stretches of 80 m in which every joint is bent on site."""
     places = options.length_m * (np.arange(options.bend_fields) + 0.73) / max(options.bend_fields, 1)
-    return (np.abs(start[:, None] - places) < 40.0).any(axis=1)
+    return np.any(np.abs(start[:, None] - places) < 40.0, axis=1, keepdims=False)
 
 
 def _induction(start: Floats, length: Floats, kind: Floats, options: RouteOptions) -> dict[int, float]:

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from deform.geometry.earth import enu_difference
-from deform.synthetic._kernels import AZIMUTH, PITCH, RISE, TURN
+from deform.synthetic._kernels import AZIMUTH, PITCH
 from deform.synthetic.files import SOURCE
 from deform.synthetic.imu import Errors
 from deform.synthetic.route import Line
@@ -96,8 +96,8 @@ def centreline(line: Line, built: Line) -> dict[str, Floats]:
         "grid_latitude": here[0],
         "grid_longitude": here[1],
         "grid_height": here[2],
-        "grid_azimuth": np.degrees(line.at(grid, AZIMUTH, TURN)[:, 0]) % 360.0,
-        "grid_pitch": np.degrees(line.at(grid, PITCH, RISE)[:, 0]),
+        "grid_azimuth": np.degrees(line.at(grid, AZIMUTH)[:, 0]) % 360.0,
+        "grid_pitch": np.degrees(line.at(grid, PITCH)[:, 0]),
         "curvature_horizontal": horizontal,
         "curvature_vertical": vertical,
         "curvature_total": np.hypot(horizontal, vertical),

@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from deform.options import ToolOptions
-from deform.synthetic._kernels import AZIMUTH, PITCH, RISE, ROLL, TURN
+from deform.synthetic._kernels import AZIMUTH, PITCH, ROLL
 from deform.synthetic.motion import Motion
 from deform.synthetic.route import stream
 
@@ -34,18 +34,19 @@ def roll_wheels(
     slips = _slips(motion, tool, rng)
     steps = np.diff(distance)
     middle = distance[:-1] + 0.5 * steps
-    turned = motion.line.at(middle, ROLL, ROLL + 1)[:, 0]
+    turned = motion.line.at(middle, ROLL)[:, 0]
     behind = np.clip(middle + tool.wheel_lever_m, 0.0, motion.line.length)
-    pitch = motion.line.at(behind, PITCH, RISE)
-    horizontal = motion.line.at(behind, AZIMUTH, TURN)[:, 1] * np.cos(pitch[:, 0])
+    pitch = motion.line.at(behind, PITCH)
+    horizontal = motion.line.at(behind, AZIMUTH)[:, 1] * np.cos(pitch[:, 0])
     radius = 0.5 * motion.line.outside_diameter - float(np.median(motion.line.joints.wall_m))
     count = np.empty((time.size, tool.wheels), np.int64)
     for w in range(tool.wheels):
         clock = 2 * np.pi * w / tool.wheels + turned
         way = steps * (1.0 - radius * (horizontal * np.sin(clock) + pitch[:, 1] * np.cos(clock)))
         way *= 1.0 + scale[w] - wear[w] * (middle - distance[0])
-        for slip in slips[slips.wheel == w].itertuples():
-            way[(time[1:] > slip.time_s) & (time[1:] <= slip.time_s + slip.duration_s)] *= 1.0 - slip.fraction_lost
+        own = slips[slips.wheel == w][["time_s", "duration_s", "fraction_lost"]].to_numpy()
+        for at, lasts, lost in own:
+            way[(time[1:] > at) & (time[1:] <= at + lasts)] *= 1.0 - lost
         count[:, w] = np.floor(np.append(0.0, np.cumsum(way)) / tool.wheel_pulse_m)
     return time, count, scale, slips
 
