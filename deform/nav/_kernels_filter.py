@@ -28,12 +28,23 @@ from deform.nav._kernels import (
 
 # Columns of a state: place, velocity, matrix, then the instrument's parameters.
 PLACE, VELOCITY_AT, MATRIX, GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE = 0, 3, 6, 15, 18, 21, 24
-MOUNTING, SCALE, DELAY, SAG, STATE_COLUMNS = 27, 29, 30, 31, 32
+MOUNTING, SCALE, DELAY, SAG, WOBBLE, TILT, STATE_COLUMNS = 27, 29, 30, 31, 32, 36, 38
 NAVIGATED = 9  # error states with full rows in the transition: position, velocity, attitude
 
 # Blocks of the error state behind the navigated nine: place of the first in the vector, or -1.
-BLOCKS = 8
-B_GYRO_BIAS, B_ACCEL_BIAS, B_GYRO_SCALE, B_ACCEL_SCALE, B_MOUNTING, B_SCALE, B_DELAY, B_SAG = 0, 1, 2, 3, 4, 5, 6, 7
+BLOCKS = 10
+B_GYRO_BIAS, B_ACCEL_BIAS, B_GYRO_SCALE, B_ACCEL_SCALE, B_MOUNTING, B_SCALE, B_DELAY, B_SAG, B_WOBBLE, B_TILT = (
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+)
 
 MOST_SCALARS = 12  # scalar measurements at one epoch: 3 of travel, 3 of each of up to three marks
 
@@ -57,12 +68,11 @@ def block3_cross(F, r, c, f0, f1, f2, base, factor):
 
 
 @njit(cache=True, error_model="numpy")
-def transition(row, x, at, reckoned, F, J, D):
+def transition(row, x, at, F, J, D):
     """Fill F (9, n): rows of the transition of position, velocity, attitude; J (3, n): derivative of the odometer's displacement.
 
-    ``row`` is corrected for the state's biases, ``D`` the odometer's displacement (east, north, up).
+    ``row`` is corrected for the state's biases, ``D`` the odometer's displacement (east, north, up). `travel_parameters` adds to J.
     """
-    n = F.shape[1]
     F[:, :] = 0.0
     J[:, :] = 0.0
     T = row[DURATION]
@@ -119,10 +129,6 @@ def transition(row, x, at, reckoned, F, J, D):
             J[i, at[B_MOUNTING] + 1] = k * g2
         if at[B_SCALE] >= 0:
             J[i, at[B_SCALE]] = x[MOUNTING] * g0 + g1 + x[MOUNTING + 1] * g2
-    if reckoned:
-        for j in range(n):
-            for i in range(3):
-                F[i, j] = J[i, j] + (1.0 if i == j else 0.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -142,18 +148,20 @@ def track_axes(row, C, axes):
 
 
 @njit(cache=True, error_model="numpy")
-def odometer_step(row, x, axes, speed_change, D):
-    """Displacement by the odometer (east, north, up), with mounting, scale, delay and sag of the state."""
+def odometer_step(row, x, axes, speed_change, tilt, D):
+    """Displacement by the odometer (east, north, up), with all that the state says of its direction and length."""
     C = x[MATRIX : MATRIX + 9].reshape((3, 3))
     k = 1.0 + x[SCALE]
     b0 = k * (row[ATTITUDE_TRAVEL] * x[MOUNTING] + row[ATTITUDE_TRAVEL + 1] + row[ATTITUDE_TRAVEL + 2] * x[MOUNTING + 1])
     b1 = k * (row[ATTITUDE_TRAVEL + 3] * x[MOUNTING] + row[ATTITUDE_TRAVEL + 4] + row[ATTITUDE_TRAVEL + 5] * x[MOUNTING + 1])
     b2 = k * (row[ATTITUDE_TRAVEL + 6] * x[MOUNTING] + row[ATTITUDE_TRAVEL + 7] + row[ATTITUDE_TRAVEL + 8] * x[MOUNTING + 1])
     d0, d1, d2 = rotate(C, b0, b1, b2)
-    late, rise = x[DELAY] * speed_change, x[SAG] * row[TRAVEL]
-    D[0] = d0 + late * axes[0, 0] + rise * axes[2, 0]
-    D[1] = d1 + late * axes[0, 1] + rise * axes[2, 1]
-    D[2] = d2 + late * axes[0, 2] + rise * axes[2, 2]
+    late = x[DELAY] * speed_change
+    aside = (x[WOBBLE] + x[TILT] * tilt[0]) * row[TRAVEL]
+    rise = (x[SAG] + x[WOBBLE + 1] + x[TILT + 1] * tilt[1]) * row[TRAVEL]
+    D[0] = d0 + late * axes[0, 0] + aside * axes[1, 0] + rise * axes[2, 0]
+    D[1] = d1 + late * axes[0, 1] + aside * axes[1, 1] + rise * axes[2, 1]
+    D[2] = d2 + late * axes[0, 2] + aside * axes[1, 2] + rise * axes[2, 2]
 
 
 @njit(cache=True, error_model="numpy")
@@ -218,6 +226,12 @@ def feed_back(x, dx, at):
         x[DELAY] += dx[at[B_DELAY]]
     if at[B_SAG] >= 0:
         x[SAG] += dx[at[B_SAG]]
+    if at[B_WOBBLE] >= 0:
+        for j in range(4):
+            x[WOBBLE + j] += dx[at[B_WOBBLE] + j]
+    if at[B_TILT] >= 0:
+        x[TILT] += dx[at[B_TILT]]
+        x[TILT + 1] += dx[at[B_TILT] + 1]
 
 
 @njit(cache=True, error_model="numpy")
@@ -248,11 +262,59 @@ def predict(P, F, decay, Q, W):
 
 
 @njit(cache=True, error_model="numpy")
+def sway_matrix(d, reach):
+    """Transition of the wobble and its slope over a distance d: covariance s² (1 + d / l) exp(-d / l), smooth as a tool is long."""
+    b = 1.0 / reach
+    e = math.exp(-b * d)
+    return e * (1.0 + b * d), e * d, -e * b * b * d, e * (1.0 - b * d)
+
+
+@njit(cache=True, error_model="numpy")
+def sway(x, P, w, d, reach, steady):
+    """Lead the wobble (right, up at index w, their slopes at w + 2) on over a distance d, in state and covariance."""
+    n = P.shape[0]
+    for c in range(2):
+        i, j = w + c, w + 2 + c
+        a00, a01, a10, a11 = sway_matrix(d, reach[i])
+        value, slope = x[WOBBLE + c], x[WOBBLE + 2 + c]
+        x[WOBBLE + c], x[WOBBLE + 2 + c] = a00 * value + a01 * slope, a10 * value + a11 * slope
+        for m in range(n):
+            p, q = P[i, m], P[j, m]
+            P[i, m], P[j, m] = a00 * p + a01 * q, a10 * p + a11 * q
+        for m in range(n):
+            p, q = P[m, i], P[m, j]
+            P[m, i], P[m, j] = a00 * p + a01 * q, a10 * p + a11 * q
+        v, u = steady[i], steady[j]
+        P[i, i] += v - (a00 * a00 * v + a01 * a01 * u)
+        P[j, j] += u - (a10 * a10 * v + a11 * a11 * u)
+        cross = a00 * a10 * v + a01 * a11 * u
+        P[i, j] -= cross
+        P[j, i] -= cross
+
+
+@njit(cache=True, error_model="numpy")
+def adjoint_sway(adjoint, information, w, d, reach):
+    """Take `sway` back: the transposed transition on adjoint and information."""
+    n = adjoint.size
+    for c in range(2):
+        i, j = w + c, w + 2 + c
+        a00, a01, a10, a11 = sway_matrix(d, reach[i])
+        p, q = adjoint[i], adjoint[j]
+        adjoint[i], adjoint[j] = a00 * p + a10 * q, a01 * p + a11 * q
+        for m in range(n):
+            p, q = information[i, m], information[j, m]
+            information[i, m], information[j, m] = a00 * p + a10 * q, a01 * p + a11 * q
+        for m in range(n):
+            p, q = information[m, i], information[m, j]
+            information[m, i], information[m, j] = a00 * p + a10 * q, a01 * p + a11 * q
+
+
+@njit(cache=True, error_model="numpy")
 def process(row, at, walk, travel_walk, tau, steady, unknown, reckoned, R, axes, decay, Q):
     """Fill decay and Q of an epoch.
 
     ``walk`` variance per second, ``travel_walk`` per metre, ``tau`` correlation time of a Gauss-Markov state (0 = none) of variance
-    ``steady``. ``unknown``: variance per second of gap of attitude, velocity (index 0, 1), and per radian of turn of attitude (2).
+    ``steady``; the wobble (``reach``) is led on by `sway`. ``unknown``: variance per second of gap of attitude, velocity (index 0, 1), and per radian of turn of attitude (2).
     """
     n = decay.size
     T, s = row[DURATION], abs(row[TRAVEL])
@@ -271,13 +333,14 @@ def process(row, at, walk, travel_walk, tau, steady, unknown, reckoned, R, axes,
 
 
 @njit(cache=True, error_model="numpy")
-def forward(first, last, table, speeds, R, mark_epoch, mark_place, mark_R, mark_late, x, P, at, reckoned, gate,
-            walk, travel_walk, tau, steady, unknown, keep, xs, Ps, counts, Hs, Ks, news, residuals, mark_news):  # fmt: skip
+def forward(first, last, table, speeds, tilts, R, mark_epoch, mark_place, mark_R, mark_late, x, P, at, reckoned, gate,
+            walk, travel_walk, tau, reach, steady, unknown, keep, xs, Ps, counts, Hs, Ks, news, residuals, mark_news, score):  # fmt: skip
     """Filter the bounds ``first`` ... ``last``; x and P are the state before the measurements of the first, and are led on behind the last.
 
     With ``keep`` the state and covariance behind the measurements of each bound, and the measurements, are kept in the buffers
     (index from ``first`` on). ``residuals`` (epoch, 3) takes the innovations of the travel along, right, up and ``news``
-    (.., 0) innovation (.., 1) variance used (.., 2) variance expected.
+    (.., 0) innovation (.., 1) variance used (.., 2) variance expected. ``score`` (3,) gathers the log-likelihood of the travel's
+    innovations along, right, up, those beyond the gate counted at the gate.
     """
     n = P.shape[0]
     F, J, W, D = np.empty((NAVIGATED, n)), np.empty((3, n)), np.empty((NAVIGATED, n)), np.empty(3)
@@ -318,15 +381,10 @@ def forward(first, last, table, speeds, R, mark_epoch, mark_place, mark_R, mark_
             correct_row(table[k], x[15:18], x[18:21], x[21:24], x[24:27], row)
             C_now = x[MATRIX : MATRIX + 9].reshape((3, 3))
             track_axes(row, C_now, axes)
-            odometer_step(row, x, axes, speeds[k + 1] - speeds[k], D)
+            odometer_step(row, x, axes, speeds[k + 1] - speeds[k], tilts[k], D)
             s0, s1, s2 = advance(row, x[0:3], x[3:6], C_now, place, v, C)
-            transition(row, x, at, False, F, J, D)
-            if at[B_DELAY] >= 0:
-                for i in range(3):
-                    J[i, at[B_DELAY]] = (speeds[k + 1] - speeds[k]) * axes[0, i]
-            if at[B_SAG] >= 0:
-                for i in range(3):
-                    J[i, at[B_SAG]] = row[TRAVEL] * axes[2, i]
+            transition(row, x, at, F, J, D)
+            travel_parameters(row, at, axes, speeds[k + 1] - speeds[k], tilts[k], J)
             r0, r1, r2 = D[0] - s0, D[1] - s1, D[2] - s2
             for c in range(3):
                 z = axes[c, 0] * r0 + axes[c, 1] * r1 + axes[c, 2] * r2
@@ -339,6 +397,7 @@ def forward(first, last, table, speeds, R, mark_epoch, mark_place, mark_R, mark_
                     continue
                 innovation, s, expected = scalar_update(P, dx, H, z, R[k, c], gate, K)
                 residuals[k, c] = innovation / math.sqrt(expected)
+                score[c] -= 0.5 * (math.log(expected) + min(residuals[k, c] ** 2, gate * gate if gate > 0.0 else 1e300))
                 if keep:
                     Hs[b, used], Ks[b, used] = H, K
                     news[b, used, 0], news[b, used, 1], news[b, used, 2] = innovation, s, expected
@@ -353,28 +412,46 @@ def forward(first, last, table, speeds, R, mark_epoch, mark_place, mark_R, mark_
         correct_row(table[k], x[15:18], x[18:21], x[21:24], x[24:27], row)
         C_now = x[MATRIX : MATRIX + 9].reshape((3, 3))
         track_axes(row, C_now, axes)
-        odometer_step(row, x, axes, speeds[k + 1] - speeds[k], D)
+        odometer_step(row, x, axes, speeds[k + 1] - speeds[k], tilts[k], D)
         advance(row, x[0:3], x[3:6], C_now, place, v, C)
-        lead(row, x, at, reckoned, F, J, D, axes, speeds[k + 1] - speeds[k])
+        lead(row, x, at, reckoned, F, J, D, axes, speeds[k + 1] - speeds[k], tilts[k])
         process(row, at, walk, travel_walk, tau, steady, unknown, reckoned, R[k], axes, decay, Q)
         predict(P, F, decay, Q, W)
-        follow(x, place, v, C, D, decay, tau, at, reckoned)
+        follow(x, place, v, C, D, decay, at, reckoned)
+        if at[B_WOBBLE] >= 0:
+            sway(x, P, at[B_WOBBLE], abs(row[TRAVEL]), reach, steady)
 
 
 @njit(cache=True, error_model="numpy")
-def lead(row, x, at, reckoned, F, J, D, axes, speed_change):
-    """Transition rows with the derivative to delay and sag when the position is dead-reckoned."""
-    transition(row, x, at, reckoned, F, J, D)
+def travel_parameters(row, at, axes, speed_change, tilt, J):
+    """Derivative of the odometer's displacement to delay, sag, wobble and the share of the arms' tilt, into J."""
+    for i in range(3):
+        if at[B_DELAY] >= 0:
+            J[i, at[B_DELAY]] = speed_change * axes[0, i]
+        if at[B_SAG] >= 0:
+            J[i, at[B_SAG]] = row[TRAVEL] * axes[2, i]
+        if at[B_WOBBLE] >= 0:
+            J[i, at[B_WOBBLE]] = row[TRAVEL] * axes[1, i]
+            J[i, at[B_WOBBLE] + 1] = row[TRAVEL] * axes[2, i]
+        if at[B_TILT] >= 0:
+            J[i, at[B_TILT]] = row[TRAVEL] * tilt[0] * axes[1, i]
+            J[i, at[B_TILT] + 1] = row[TRAVEL] * tilt[1] * axes[2, i]
+
+
+@njit(cache=True, error_model="numpy")
+def lead(row, x, at, reckoned, F, J, D, axes, speed_change, tilt):
+    """Rows of the transition; of the position by the odometer when it is dead-reckoned."""
+    transition(row, x, at, F, J, D)
     if reckoned:
+        travel_parameters(row, at, axes, speed_change, tilt, J)
         for i in range(3):
-            if at[B_DELAY] >= 0:
-                F[i, at[B_DELAY]] = speed_change * axes[0, i]
-            if at[B_SAG] >= 0:
-                F[i, at[B_SAG]] = row[TRAVEL] * axes[2, i]
+            for j in range(J.shape[1]):
+                F[i, j] = J[i, j]
+            F[i, i] += 1.0
 
 
 @njit(cache=True, error_model="numpy")
-def follow(x, place, v, C, D, decay, tau, at, reckoned):
+def follow(x, place, v, C, D, decay, at, reckoned):
     """State at the end of the epoch; Gauss-Markov parameters fade."""
     if reckoned:
         shift_place(x[0:3], D[0], D[1], D[2])
@@ -448,7 +525,7 @@ def adjoint_lead(adjoint, information, F, decay, U, a):
 
 
 @njit(cache=True, error_model="numpy")
-def backward(first, last, table, speeds, R, at, reckoned, walk, travel_walk, tau, steady, unknown,
+def backward(first, last, table, speeds, tilts, R, at, reckoned, walk, travel_walk, tau, reach, steady, unknown,
              xs, Ps, counts, Hs, Ks, news, adjoint, information, smooth, sigma):  # fmt: skip
     """Smooth the bounds ``first`` ... ``last`` from the buffers of `forward`; adjoint and information come from bound ``last``'s right.
 
@@ -465,9 +542,11 @@ def backward(first, last, table, speeds, R, at, reckoned, walk, travel_walk, tau
         if k < table.shape[0]:
             correct_row(table[k], x[15:18], x[18:21], x[21:24], x[24:27], row)
             track_axes(row, x[MATRIX : MATRIX + 9].reshape((3, 3)), axes)
-            odometer_step(row, x, axes, speeds[k + 1] - speeds[k], D)
-            lead(row, x, at, reckoned, F, J, D, axes, speeds[k + 1] - speeds[k])
+            odometer_step(row, x, axes, speeds[k + 1] - speeds[k], tilts[k], D)
+            lead(row, x, at, reckoned, F, J, D, axes, speeds[k + 1] - speeds[k], tilts[k])
             process(row, at, walk, travel_walk, tau, steady, unknown, reckoned, R[k], axes, decay, Q)
+            if at[B_WOBBLE] >= 0:
+                adjoint_sway(adjoint, information, at[B_WOBBLE], abs(row[TRAVEL]), reach)
             adjoint_lead(adjoint, information, F, decay, U, a)
         for i in range(n):
             total = 0.0
@@ -492,14 +571,14 @@ def backward(first, last, table, speeds, R, at, reckoned, walk, travel_walk, tau
 
 
 @njit(cache=True, error_model="numpy")
-def travel_residuals(table, speeds, states, out):
+def travel_residuals(table, speeds, tilts, states, out):
     """Fill out (epoch, 3): odometer's displacement minus that of the states, along, to the right, up (m)."""
     axes, D, row = np.empty((3, 3)), np.empty(3), np.empty(COLUMNS)
     for k in range(table.shape[0]):
         x = states[k]
         correct_row(table[k], x[15:18], x[18:21], x[21:24], x[24:27], row)
         track_axes(row, x[MATRIX : MATRIX + 9].reshape((3, 3)), axes)
-        odometer_step(row, x, axes, speeds[k + 1] - speeds[k], D)
+        odometer_step(row, x, axes, speeds[k + 1] - speeds[k], tilts[k], D)
         e, n, u = place_difference(states[k + 1, 0:3], x[0:3])
         r0, r1, r2 = D[0] - e, D[1] - n, D[2] - u
         for c in range(3):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,11 +12,7 @@ from deform.nav.strapdown import Epochs
 Floats = NDArray[np.float64]
 
 REST_SIGMA_M = 2e-4  # displacement of a tool at rest within one epoch
-WOBBLE_RAD, WOBBLE_LENGTH_M = (
-    math.radians(0.2),
-    1.0,
-)  # before the data have spoken: direction of travel in the body, and over what length
-LEAST_DENSITY = 1e-8  # m² per m
+RIDE_DENSITY = 2e-7  # m² per m: what is left of the ride across the pipe when the wobble is a state
 
 
 @dataclass(frozen=True)
@@ -30,12 +25,25 @@ class TravelAid:
     variance : (epoch, 3) along, to the right, up (m²); 0 = no measurement.
     stationary : (epoch,) the tool stands still: zero displacement.
     along_shape : (epoch,) variance along from the odometer's own sigma (m²).
+    travel : (epoch,) odometer distance (m).
+    tilt : (epoch, 2) direction of the pipe in the tool by the caliper's arms, to the right and up (radian), zero where unknown.
     """
 
     speeds: Floats
     variance: Floats
     stationary: NDArray[np.bool_]
     along_shape: Floats
+    travel: Floats
+    tilt: Floats
+
+    def with_noise(self, along: float, across: float) -> TravelAid:
+        """Return the aid with a factor on the odometer's own variance along, and a density (m² per m) across the pipe."""
+        moving = ~self.stationary & (self.variance[:, 0] > 0)
+        variance = self.variance.copy()
+        variance[moving, 0] = along * self.along_shape[moving] + REST_SIGMA_M**2
+        slip = 0.02**2 * self.along_shape[moving]
+        variance[moving, 1:] = (across * self.travel[moving] + slip + REST_SIGMA_M**2)[:, None]
+        return replace(self, variance=variance)
 
 
 @dataclass(frozen=True)
@@ -70,19 +78,20 @@ class MarkAid:
 
 
 def travel_aid(
-    epochs: Epochs, speed: Floats, speed_sigma: Floats, stationary: NDArray[np.bool_], usable_gap_s: float = 0.0
+    epochs: Epochs, speed: Floats, speed_sigma: Floats, stationary: NDArray[np.bool_], across: float = RIDE_DENSITY
 ) -> TravelAid:
-    """Return the travel measurements with variances as they are before the data have spoken (`learn_noise` in `filter`).
+    """Return the travel measurements with variances as they are before the data have spoken (`noise.learn`).
 
     Parameters
     ----------
     speed, speed_sigma, stationary : on the samples, from `odometer.combine`.
+    across : density of the noise across the pipe (m² per m).
 
     Notes
     -----
     The tool wobbles in the pipe: its axis leaves the pipe's by a random angle of sigma w that forgets itself over a length l.
-    Summed over a distance s much longer than l, the path walks off with variance 2 w² l s: that density per metre, not w² per
-    epoch, is what a filter with white noise needs. The same holds along the pipe for a speed error that lasts.
+    Summed over a distance s much longer than l, the path walks off with variance 2 w² l s. A model that holds the wobble as
+    a state needs little noise besides; one that does not needs the density 2 w² l, not w² per epoch.
     """
     begin = epochs.bounds[:-1] + 1
     size = np.diff(epochs.bounds)
@@ -90,11 +99,10 @@ def travel_aid(
     sigma = np.add.reduceat(speed_sigma[: epochs.bounds[-1] + 1], begin) / size
     travel, seconds = np.abs(epochs.travel), epochs.duration
     along_shape = sigma**2 * seconds * np.maximum(1.0, seconds)
-    cross = 2.0 * WOBBLE_RAD**2 * WOBBLE_LENGTH_M * travel + REST_SIGMA_M**2 + (0.02 * sigma * seconds) ** 2
-    variance = np.column_stack([along_shape + REST_SIGMA_M**2, cross, cross])
-    variance[still] = REST_SIGMA_M**2
-    variance[epochs.gap > usable_gap_s] = 0.0
-    return TravelAid(speed[epochs.bounds].astype(float), variance, still, along_shape)
+    variance = np.full((len(travel), 3), REST_SIGMA_M**2)
+    variance[epochs.gap > 0] = 0.0
+    aid = TravelAid(speed[epochs.bounds].astype(float), variance, still, along_shape, travel, np.zeros((len(travel), 2)))
+    return aid.with_noise(1.0, across)
 
 
 def mark_aid(epochs: Epochs, time: Floats, place: Floats, sigma: Floats, time_sigma_s: float) -> MarkAid:

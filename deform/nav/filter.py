@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deform.nav import _kernels_filter as kernels
-from deform.nav.aiding import LEAST_DENSITY, REST_SIGMA_M, MarkAid, TravelAid
+from deform.nav.aiding import MarkAid, TravelAid
 from deform.nav.error_model import ErrorModel
 from deform.nav.strapdown import Epochs
 
@@ -41,9 +41,9 @@ class Problem:
     model: ErrorModel
     start: Start
 
-    def arguments(self, variance: Floats | None = None) -> tuple:
+    def arguments(self) -> tuple:
         """Arguments of the kernels that are common to both directions."""
-        return self.epochs.table, self.travel.speeds, self.travel.variance if variance is None else variance
+        return self.epochs.table, self.travel.speeds, self.travel.tilt, self.travel.variance
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,7 @@ class Filtered:
     mark_news : (mark, 6) innovations along, across, up, then their variances.
     end : state behind the last measurement.
     covariance : its covariance.
+    score : (3,) log-likelihood of the innovations of the travel along, right, up.
     """
 
     checkpoints: tuple[tuple[Floats, Floats], ...]
@@ -64,6 +65,7 @@ class Filtered:
     mark_news: Floats
     end: Floats
     covariance: Floats
+    score: Floats
 
 
 @dataclass
@@ -102,11 +104,11 @@ def blocks(n_bounds: int) -> list[tuple[int, int]]:
 
 
 def run_block(problem: Problem, first: int, last: int, x: Floats, P: Floats, keep: bool, buffers: Buffers, residuals: Floats,
-              mark_news: Floats) -> None:  # fmt: skip
-    """Filter one block; x and P are led on, the buffers filled when ``keep``."""
+              mark_news: Floats, score: Floats) -> None:  # fmt: skip
+    """Filter one block; x and P are led on, the buffers filled when ``keep``, the log-likelihood added to ``score`` (3,)."""
     marks, model = problem.marks, problem.model
     kernels.forward(first, last, *problem.arguments(), marks.epoch, marks.place, marks.used_variance, marks.late, x, P, model.at,
-                    model.reckoned, GATE, *model.arguments, keep, *buffers.arguments, residuals, mark_news)  # fmt: skip
+                    model.reckoned, GATE, *model.arguments, keep, *buffers.arguments, residuals, mark_news, score)  # fmt: skip
 
 
 def run_forward(problem: Problem) -> Filtered:
@@ -125,50 +127,8 @@ def run_forward(problem: Problem) -> Filtered:
     n_bounds = problem.epochs.bounds.size
     residuals, mark_news = np.full((len(problem.epochs.table), 3), np.nan), np.full((problem.marks.epoch.size, 6), np.nan)
     buffers = Buffers.of(problem.model.size, 1)
-    checkpoints = []
+    checkpoints, score = [], np.zeros(3)
     for first, last in blocks(n_bounds):
         checkpoints.append((x.copy(), P.copy()))
-        run_block(problem, first, last, x, P, False, buffers, residuals, mark_news)
-    return Filtered(tuple(checkpoints), residuals, mark_news, x, P)
-
-
-def learned_noise(problem: Problem, states: Floats, block_s: float = 12.0) -> TravelAid:
-    """Return the travel aid with the densities of noise that smoothed states show along, to the right and up.
-
-    Notes
-    -----
-    What is left of the odometer's displacement against the smoothed path is summed over stretches longer than the wobble lasts;
-    the robust spread of these sums over the root of their travel is the density at long waves, which is what moves a position.
-    Shorter than the window in which the inertial unit is the better judge, longer than the wobble: some ten seconds.
-    """
-    from dataclasses import replace
-
-    epochs, travel = problem.epochs, problem.travel
-    left = np.empty((len(epochs.table), 3))
-    kernels.travel_residuals(epochs.table, travel.speeds, states, left)
-    usable = ~travel.stationary & (epochs.travel > 0.02) & (travel.variance[:, 0] > 0)
-    label = np.cumsum(epochs.duration) // block_s
-    label = label[usable].astype(np.int64)
-    if label.size < 50:
-        return travel
-    _, group = np.unique(label, return_inverse=True)
-    length = np.bincount(group, epochs.travel[usable])
-    whole = length > 0.5 * np.median(length)
-    variance = travel.variance.copy()
-    moving = ~travel.stationary & (variance[:, 0] > 0)
-    for axis in range(3):
-        sums = np.bincount(group, left[usable, axis])[whole]
-        if axis == 0:
-            shape = np.bincount(group, travel.along_shape[usable])[whole]
-            factor = _robust_square(sums / np.sqrt(shape))
-            variance[moving, 0] = factor * travel.along_shape[moving] + REST_SIGMA_M**2
-        else:
-            density = max(_robust_square(sums / np.sqrt(length[whole])), LEAST_DENSITY)
-            slip = (0.02**2) * travel.along_shape[moving]
-            variance[moving, axis] = density * epochs.travel[moving] + slip + REST_SIGMA_M**2
-    return replace(travel, variance=variance)
-
-
-def _robust_square(values: Floats) -> float:
-    """Variance by the median of the squares (a normal one gives 0.4549)."""
-    return float(np.median(values**2) / 0.4549)
+        run_block(problem, first, last, x, P, False, buffers, residuals, mark_news, score)
+    return Filtered(tuple(checkpoints), residuals, mark_news, x, P, score)

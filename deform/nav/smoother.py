@@ -48,7 +48,7 @@ def smooth(problem: Problem, filtered: Filtered) -> Smoothed:
     residuals, mark_news = np.empty((len(problem.epochs.table), 3)), np.empty((problem.marks.epoch.size, 6))
     model = problem.model
     for (first, last), (x, P) in zip(reversed(blocks(n_bounds)), reversed(filtered.checkpoints), strict=True):
-        run_block(problem, first, last, x.copy(), P.copy(), True, buffers, residuals, mark_news)
+        run_block(problem, first, last, x.copy(), P.copy(), True, buffers, residuals, mark_news, np.zeros(3))
         kernels.backward(first, last, *problem.arguments(), model.at, model.reckoned, *model.arguments, *buffers.arguments,
                          adjoint, information, states, sigma)  # fmt: skip
     return Smoothed(states, sigma)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from deform.geometry import earth
 from deform.nav import _kernels_filter as kernels
 from deform.nav.aiding import MarkAid
-from deform.nav.filter import Filtered, Problem, learned_noise, run_forward
+from deform.nav.filter import Filtered, Problem, run_forward
+from deform.nav.noise import learn
 from deform.nav.smoother import Smoothed, smooth
 
 Floats = NDArray[np.float64]
@@ -62,7 +63,7 @@ def solve(problem: Problem) -> Solution:
         problem = _restarted(problem, smoothed)
         filtered, smoothed = _pass(problem)
     problem, filtered, smoothed = _without_gross(problem, filtered, smoothed, UNTIL_LEARNED)
-    problem = replace(problem, travel=learned_noise(problem, smoothed.states))
+    problem = learn(problem)
     filtered, smoothed = _pass(problem)
     problem, filtered, smoothed = _without_gross(problem, filtered, smoothed, CONTRADICTED)
     return Solution(problem, filtered, smoothed, *misclosures(problem.marks, smoothed))

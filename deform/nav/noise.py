@@ -1,0 +1,100 @@
+"""A filter's problem in; the same with the noise of odometer and ride that makes the data most likely out."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize, minimize_scalar
+
+from deform.nav.aiding import RIDE_DENSITY
+from deform.nav.filter import Problem, run_forward
+from deform.nav.strapdown import Epochs
+
+Floats = NDArray[np.float64]
+log = logging.getLogger(__name__)
+
+LEARNING_EPOCHS = 2000
+LEAST_EPOCHS = 200
+_BOUNDS = ((math.radians(0.005), math.radians(3.0)), (math.radians(0.005), math.radians(3.0)), (0.5, 200.0), (1e-9, 1e-3))
+
+
+def learn(problem: Problem) -> Problem:
+    """Return the problem with wobble (sigma right and up, length), ride density and odometer factor of greatest likelihood.
+
+    Notes
+    -----
+    The likelihood of the innovations of the odometer's displacement, -½ Σ (ln s + ν²/s), outliers counted at the gate, over a
+    stretch in motion. The inertial unit is the witness: over seconds to a minute it knows the direction of travel better than the
+    tool's axis does. What the wobble does over longer waves follows from its model, not from the residuals, in which the filter
+    has already made its peace with them.
+
+    References
+    ----------
+    Mehra (1970), IEEE Trans. AC-15, 175-184.
+    """
+    part = stretch(problem)
+    if part is None or not part.model.index("wobble").stop:
+        return problem
+    x = np.log([math.radians(0.15), math.radians(0.15), 10.0, RIDE_DENSITY])
+
+    def misfit(logs: Floats, along: float) -> float:
+        values = np.exp(logs)
+        beyond = sum(
+            max(0.0, math.log(lo) - v) ** 2 + max(0.0, v - math.log(hi)) ** 2 for v, (lo, hi) in zip(logs, _BOUNDS, strict=True)
+        )
+        return -float(run_forward(apply(part, values, along)).score.sum()) + 100.0 * beyond
+
+    along = _along(part, x, 1.0)
+    simplex = np.vstack([x, x + np.diag([0.6, 0.6, 0.8, 1.5])])
+    best = minimize(
+        misfit, x, (along,), "Nelder-Mead", options={"initial_simplex": simplex, "maxfev": 70, "xatol": 0.05, "fatol": 0.3}
+    )
+    along = _along(part, best.x, along)
+    values = np.exp(best.x)
+    log.info("wobble of the tool in the pipe %.3f degree right, %.3f up over %.1f m, ride %.1e m²/m, odometer's sigma times %.2f",
+             math.degrees(values[0]), math.degrees(values[1]), values[2], values[3], math.sqrt(along))  # fmt: skip
+    return apply(problem, values, along)
+
+
+def apply(problem: Problem, wobble: Floats, along: float) -> Problem:
+    """Return the problem with wobble (sigma right, up in radian, length in m, ride density) and a factor on the odometer's variance."""
+    model = problem.model.with_wobble(wobble[0], wobble[1], wobble[2])
+    variance = problem.start.variance.copy()
+    here = model.index("wobble")
+    variance[here] = model.variance[here]
+    return replace(
+        problem, model=model, travel=problem.travel.with_noise(along, wobble[3]), start=replace(problem.start, variance=variance)
+    )
+
+
+def stretch(problem: Problem) -> Problem | None:
+    """Return the first `LEARNING_EPOCHS` epochs in motion with the rest before them, or None when there are too few."""
+    moving = np.flatnonzero(~problem.travel.stationary)
+    if moving.size < LEAST_EPOCHS:
+        return None
+    end = int(moving[min(LEARNING_EPOCHS, moving.size) - 1]) + 1
+    epochs, travel, marks = problem.epochs, problem.travel, problem.marks
+    inside = marks.epoch < end
+    return replace(
+        problem,
+        epochs=Epochs(epochs.bounds[: end + 1], epochs.time[: end + 1], epochs.table[:end]),
+        travel=replace(travel, speeds=travel.speeds[: end + 1], variance=travel.variance[:end], stationary=travel.stationary[:end],
+                       along_shape=travel.along_shape[:end], travel=travel.travel[:end], tilt=travel.tilt[:end]),
+        marks=replace(marks, index=marks.index[inside], epoch=marks.epoch[inside], place=marks.place[inside],
+                      variance=marks.variance[inside], late=marks.late[inside], weight=marks.weight[inside]),
+    )  # fmt: skip
+
+
+def _along(part: Problem, logs: Floats, start: float) -> float:
+    values = np.exp(logs)
+
+    def misfit(log_factor: float) -> float:
+        return -float(run_forward(apply(part, values, math.exp(log_factor))).score.sum())
+
+    middle = math.log(start)
+    found = minimize_scalar(misfit, bounds=(middle - 5.0, middle + 4.0), method="bounded", options={"xatol": 0.1, "maxiter": 12})
+    return math.exp(float(found.x))
