@@ -6,6 +6,7 @@ import csv
 import datetime
 import difflib
 import io
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,7 @@ _PARQUET = (".parquet", ".pq")
 SUFFIXES = _TEXT + _SPREADSHEET + _PARQUET
 _DELIMITERS = ",;\t|"
 _HEADER_WITHIN = 60
+_WESTERN = "cp1252"
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,13 @@ class Sheet:
         return np.array([row[place] for row in self.rows], dtype=object)
 
 
-def read_sheet(path: Path, options: FileOptions, wanted: list[tuple[str, ...]], findings: Findings | None = None) -> Sheet:
+def read_sheet(
+    path: Path,
+    options: FileOptions,
+    wanted: list[tuple[str, ...]],
+    findings: Findings | None = None,
+    most: int | None = None,
+) -> Sheet:
     """Read a table as text and find its header.
 
     Parameters
@@ -55,27 +63,30 @@ def read_sheet(path: Path, options: FileOptions, wanted: list[tuple[str, ...]], 
     path : the file.
     options : delimiter, encoding, sheet; what is absent is found out.
     wanted : spellings of each header that is looked for; the header is the row among the first 60 that holds most of them.
-    findings : takes remarks about rows that are longer than the header.
+    findings : takes remarks about the encoding and about rows that are longer than the header.
+    most : number of rows to read; None reads all.
 
     Raises
     ------
     InputError
         When the file is empty or is no such table.
+    MissingExtraError
+        For Parquet without its library.
     """
-    rows = _raw_rows(Path(path), options)
+    rows = _raw_rows(Path(path), options, findings, most)
     if not rows:
         raise InputError(Fault(str(path), "", "is empty"))
     spellings = [{cells.key(h) for h in headers} for headers in wanted]
-    fitting = [sum(bool(s & {cells.key(c) for c in row}) for s in spellings) for _, row in rows[:_HEADER_WITHIN]]
-    top = int(np.argmax(fitting)) if max(fitting) else 0
+    heads = [{cells.key(c) for c in row} for _, row in rows[:_HEADER_WITHIN]]
+    fitting = [sum(bool(s & head) for s in spellings) for head in heads]
+    top = int(np.argmax(fitting))
     header = tuple(cells.words(c) for c in rows[top][1])
-    body = [
-        (n, _fitted(row, len(header))) for n, row in rows[top + 1 + options.rows_below_header :] if any(c.strip() for c in row)
-    ]
-    longer = sum(len([c for c in row[len(header) :] if c.strip()]) > 0 for _, row in rows[top + 1 :])
+    body = rows[top + 1 + options.rows_below_header :]
+    longer = sum(any(c.strip() for c in row[len(header) :]) for _, row in body)
     if longer and findings is not None:
-        findings.repair("", "", f"{longer} rows have more cells than the header; what is over is read as part of the last column")
-    return Sheet(Path(path), header, [row for _, row in body], [n for n, _ in body])
+        rule = f"{longer} rows have more cells than the header; what is over is read as part of the last column"
+        findings.repair("", "", rule)
+    return Sheet(Path(path), header, [_fitted(row, len(header)) for _, row in body], [n for n, _ in body])
 
 
 def absent_columns(sheet: Sheet, columns: Mapping[str, tuple[Column, ...]], names: tuple[str, ...]) -> list[Fault]:
@@ -175,40 +186,41 @@ def _fitted(row: list[str], width: int) -> list[str]:
     return [*row[: width - 1], " ".join(over)]
 
 
-def _raw_rows(path: Path, options: FileOptions) -> list[tuple[int, list[str]]]:
+def _raw_rows(path: Path, options: FileOptions, findings: Findings | None, most: int | None) -> list[tuple[int, list[str]]]:
+    """Return line numbers and cells of the rows that hold anything."""
     suffix = path.suffix.lower()
     if suffix in _SPREADSHEET:
-        return _spreadsheet(path, options.sheet, options.decimal)
+        return _spreadsheet(path, options.sheet, options.decimal)[:most]
     if suffix in _PARQUET:
-        return _parquet(path, options.decimal)
-    return _text(path, options)
-
-
-def _text(path: Path, options: FileOptions) -> list[tuple[int, list[str]]]:
-    text = _decoded(path, options.encoding)
-    delimiter = options.delimiter or _delimiter(text)
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+        return _parquet(path, options.decimal)[:most]
+    text = _decoded(path, options.encoding, findings)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=options.delimiter or _delimiter(text))
     try:
-        return [(reader.line_num, row) for row in reader if any(c.strip() for c in row)]
+        rows = ((reader.line_num, row) for row in reader if any(c.strip() for c in row))
+        return list(itertools.islice(rows, most))
     except csv.Error as fault:
         raise InputError(Fault(path.name, f"line {reader.line_num}", f"is no delimited text ({fault})")) from None
 
 
-def _decoded(path: Path, encoding: str) -> str:
+def _decoded(path: Path, encoding: str, findings: Findings | None) -> str:
     content = path.read_bytes()
-    if b"\x00" in content[:4096] and not content.startswith((b"\xff\xfe", b"\xfe\xff")):
+    wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+    if b"\x00" in content[:4096] and not wide:
         raise InputError(Fault(path.name, "", "holds zero bytes; it is no text"))
-    known = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
+    known = encoding or ("utf-16" if wide else "utf-8-sig")
     try:
-        return content.decode(encoding or known)
+        return content.decode(known)
     except LookupError:
         raise InputError(Fault(path.name, "encoding", f"{encoding!r} is unknown")) from None
     except UnicodeDecodeError as fault:
-        if encoding or known == "utf-16":
-            raise InputError(
-                Fault(path.name, "", f"is no text in {encoding or known} ({fault.reason} at byte {fault.start})")
-            ) from None
-        return content.decode("cp1252", errors="replace")
+        if encoding or wide:
+            rule = f"is no text in {known} ({fault.reason} at byte {fault.start})"
+            raise InputError(Fault(path.name, "", rule)) from None
+        if findings is not None:
+            findings.repair(
+                "", "", f"is no UTF-8 (byte {fault.start}); read as {_WESTERN}, name another in [file] encoding of the map"
+            )
+        return content.decode(_WESTERN, errors="replace")
 
 
 def _delimiter(text: str) -> str:

@@ -115,7 +115,7 @@ def _possible_spacing(welds: Frame, findings: Findings) -> bool:
         return False
     length = welds["joint_length"]
     ratios = [_ratio(length[:-1], spacing), _ratio(length[1:], spacing)]
-    if not any(_LENGTH_RATIO[0] < r < _LENGTH_RATIO[1] or np.isnan(r) for r in ratios):
+    if np.isfinite(ratios[0]) and not any(_LENGTH_RATIO[0] < r < _LENGTH_RATIO[1] for r in ratios):
         rule = f"is {ratios[0]:.4g} times the distance between welds (median)"
         findings.fault("", "joint_length", rule, "are the units of distance and of joint length right?")
         return False

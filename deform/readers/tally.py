@@ -19,6 +19,7 @@ from deform.readers.rows import classify
 from deform.run import history
 
 _REQUIRED = ("distance", "event")
+_HEAD = 60  # rows in which the header is looked for
 _SUFFIXES = ", ".join(delimited.SUFFIXES)
 
 
@@ -97,9 +98,13 @@ def _rows(path: Path, columns: ColumnMap, findings: Findings) -> Frame:
     return classify(sheet, columns, findings)
 
 
-def _sheet(path: Path, columns: ColumnMap, findings: Findings | None = None) -> Sheet:
+def _head(path: Path, columns: ColumnMap) -> Sheet:
+    return _sheet(path, columns, most=_HEAD)
+
+
+def _sheet(path: Path, columns: ColumnMap, findings: Findings | None = None, most: int | None = None) -> Sheet:
     wanted = [tuple(h for c in several for h in c.header) for several in columns.columns.values()]
-    return delimited.read_sheet(path, columns.file, wanted, findings)
+    return delimited.read_sheet(path, columns.file, wanted, findings, most)
 
 
 def _map_of(request: Request) -> ColumnMap:
@@ -115,7 +120,7 @@ def _fitting_map(path: Path) -> ColumnMap | None:
     """Return the shipped map whose required columns are there and which finds most of its others."""
     best, most = None, 0
     for columns in shipped().values():
-        sheet = _sheet(path, columns)
+        sheet = _head(path, columns)
         if delimited.absent_columns(sheet, columns.columns, _REQUIRED):
             continue
         fitting = len(columns.columns) - len(delimited.absent_columns(sheet, columns.columns, tuple(columns.columns)))
@@ -128,6 +133,6 @@ def _refusal(path: Path) -> str:
     """Say why no shipped map fits."""
     reasons = []
     for name, columns in shipped().items():
-        faults = delimited.absent_columns(_sheet(path, columns), columns.columns, _REQUIRED)
+        faults = delimited.absent_columns(_head(path, columns), columns.columns, _REQUIRED)
         reasons.append(f"{name} lacks {', '.join(f.rule.removeprefix('no column ') for f in faults)}")
     return f"no shipped column map fits ({'; '.join(reasons)})"

@@ -116,7 +116,7 @@ def write_nc(path: Path, ds: xr.Dataset) -> None:
 
 
 def write_raw(folder: Path, **parts) -> Path:
-    """Write a raw run; ``imu``, ``odometer``, ``caliper``, ``header``, ``markers``, ``welds`` replace a part, None leaves it out."""
+    """Write a raw run; ``imu``, ``odometer``, ``caliper``, ``header``, ``markers``, ``welds`` replace a part, None drops it."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, default in (("imu", imu), ("odometer", odometer), ("caliper", caliper)):
         ds = parts.get(name, ...)
