@@ -9,15 +9,16 @@ import xarray as xr
 
 from deform.caliper._kernels import bead_and_step
 from deform.caliper.cross_section import ScanLog
+from deform.caliper.weld_hits import hit_centre, hit_score
 from deform.run.raw import RawRun
 
+HEARD = 100.0  # score of a detector that fired; it has no other
 _BEAD_HALF_M = 0.03  # a weld bead is not longer than twice this
 _FLANK_M = 0.25  # wall on either side against which a bead or a step is seen
 _LEAST_ARM_SCORE = 4.0  # sigma; lower kicks are too many to be listed
 _LEAST_STEP_SCORE = 8.0  # sigma; the wall also waves by itself over such lengths
 _LEAST_HIT_SCORE = 5.0  # sigma of the accelerometers' own noise over the same seconds
-_NOISE_S = 2.0  # span over which the accelerometers' noise is formed
-_RING_S = 0.15  # a hit rings no longer than this
+_RING_S = 0.25  # a hit rings no longer than this
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,8 @@ class Channel:
     ----------
     name : detector, arms or accelerometer.
     place : (n,) m, chainage.
-    score : (n,), size of the event in sigma of its own noise; 1 for a detector.
+    score : (n,), size of the event in sigma of its own noise; `HEARD` for a detector.
+    sigma : (n,) m, how well this event is placed against the best of its channel; 0 = as well as any.
     axis, level : (m,) m and sigma, the channel's score everywhere, so that weak traces can be looked up.
     covered : (m, 2) m, stretches of chainage in which the channel would have seen a weld.
     """
@@ -36,6 +38,7 @@ class Channel:
     name: str
     place: np.ndarray
     score: np.ndarray
+    sigma: np.ndarray
     axis: np.ndarray
     level: np.ndarray
     covered: np.ndarray
@@ -88,8 +91,8 @@ def detector_channel(raw: RawRun, trajectory: xr.Dataset) -> Channel | None:
     time = time[np.isfinite(time) & (time >= span[0]) & (time <= span[1])]
     chainage = trajectory["chainage"].values
     place = np.sort(np.interp(time, trajectory["time"].values, chainage))
-    one = np.ones(place.size)
-    return Channel("detector", place, one, place, one, np.array([[chainage.min(), chainage.max()]]))
+    heard = np.full(place.size, HEARD)
+    return Channel("detector", place, heard, 0.0 * heard, place, heard, np.array([[chainage.min(), chainage.max()]]))
 
 
 def arms_channel(log: ScanLog) -> Channel | None:
@@ -110,24 +113,32 @@ def arms_channel(log: ScanLog) -> Channel | None:
     events = [_edge(place, radius, step, bead, int(i)) for i in edges]
     taken = np.array([e[0] for e in events])
     alone = [int(i) for i in beads if not taken.size or np.abs(taken - place[i]).min() > 2 * _BEAD_HALF_M]
-    events += [(_bead_centre(place, radius, i), float(bead[i])) for i in alone]
+    events += [(_bead_centre(place, radius, i), float(bead[i]), 0.0) for i in alone]
     events.sort()
-    table = np.array(events).reshape(-1, 2)
+    table = np.array(events).reshape(-1, 3)
     level = bead.copy()
     at = np.minimum(np.searchsorted(place, table[:, 0]), place.size - 1)
     level[at] = np.maximum(level[at], table[:, 1])
-    return Channel("arms", table[:, 0], table[:, 1], place, level, _stretches(place))
+    return Channel("arms", table[:, 0], table[:, 1], table[:, 2], place, level, _stretches(place))
 
 
-def _edge(place: np.ndarray, radius: np.ndarray, step: np.ndarray, bead: np.ndarray, i: int) -> tuple[float, float]:
-    """Place and score of a wall step near scan ``i``: at its bead where one shows, else in the middle of the plateau."""
-    first, last = np.searchsorted(place, [place[i] - 2 * _BEAD_HALF_M, place[i] + 2 * _BEAD_HALF_M])
-    best = first + int(np.argmax(bead[first:last]))
+def _edge(place: np.ndarray, radius: np.ndarray, step: np.ndarray, bead: np.ndarray, i: int) -> tuple[float, float, float]:
+    """Place, score and sigma of a wall step near scan ``i``: its bead where one shows, else the split that fits best."""
+    first, last = np.searchsorted(place, [place[i] - _FLANK_M, place[i] + _FLANK_M])
+    size = last - first
+    value = radius[first:last] - radius[first:last].mean()
+    left = np.arange(2, size - 1)
+    gain = np.cumsum(value)[left - 1] ** 2 * size / (left * (size - left))
+    split = first + int(left[np.argmax(gain)])
+    centre = 0.5 * (place[split - 1] + place[split])
+    near = slice(*np.searchsorted(place, [centre - 2 * _BEAD_HALF_M, centre + 2 * _BEAD_HALF_M]))
+    best = near.start + int(np.argmax(bead[near]))
     if bead[best] >= _LEAST_ARM_SCORE:
-        return _bead_centre(place, radius, best), float(max(step[i], bead[best]))
-    near = np.arange(first, last)
-    top = near[step[near] > 0.9 * step[i]]
-    return float(place[top].mean()), float(step[i])
+        return _bead_centre(place, radius, best), float(max(step[i], bead[best])), 0.0
+    jump = abs(radius[split:last].mean() - radius[first:split].mean())
+    noise = max(float(np.std(value)), 1e-6)
+    pitch = (place[last - 1] - place[first]) / max(size - 1, 1)
+    return float(centre), float(step[i]), float(pitch * (0.5 + (noise / max(jump, 1e-6)) ** 2))
 
 
 def _bead_centre(place: np.ndarray, radius: np.ndarray, i: int) -> float:
@@ -146,20 +157,14 @@ def accelerometer_channel(raw: RawRun, trajectory: xr.Dataset) -> Channel | None
     if time.size < 1000 or not moving.any():
         return None
     interval = float(np.median(np.diff(time)))
-    energy = _energy(np.asarray(raw.imu["accel_count"].values), interval)
-    energy[~moving] = 0.0
+    score, energy = hit_score(np.asarray(raw.imu["accel_count"].values), interval, moving)
     chainage = np.interp(time - 0.5 * interval, trajectory["time"].values, trajectory["chainage"].values)
-    samples = max(1, round(_RING_S / interval / 2))
-    peak = local_peaks(time, energy, _LEAST_HIT_SCORE**2, _RING_S)
-    centre = np.empty(peak.size)
-    for k, i in enumerate(peak):
-        part = slice(max(0, i - samples), i + samples + 1)
-        weight = np.maximum(energy[part] - 9.0, 0.0)
-        centre[k] = np.sum(weight * chainage[part]) / np.sum(weight)
+    peak = local_peaks(time, score, _LEAST_HIT_SCORE, _RING_S)
+    centre = np.array([hit_centre(energy, int(i), interval, chainage) for i in peak])
     covered = np.array([[chainage[moving].min(), chainage[moving].max()]])
     order, events = np.argsort(chainage[moving], kind="stable"), np.argsort(centre, kind="stable")
-    axis, level = chainage[moving][order], np.sqrt(energy[moving][order])
-    return Channel("accelerometer", centre[events], np.sqrt(energy[peak][events]), axis, level, covered)
+    axis, level = chainage[moving][order], score[moving][order]
+    return Channel("accelerometer", centre[events], score[peak][events], np.zeros(events.size), axis, level, covered)
 
 
 def local_peaks(axis: np.ndarray, score: np.ndarray, least: float, apart: float) -> np.ndarray:
@@ -176,24 +181,6 @@ def local_peaks(axis: np.ndarray, score: np.ndarray, least: float, apart: float)
             kept.append(int(best))
             left = left[np.abs(axis[left] - axis[best]) > apart]
     return np.array(sorted(kept), np.int64)
-
-
-def _energy(counts: np.ndarray, interval: float) -> np.ndarray:
-    """Sum of squares of the three axes' second differences over their local robust noise, per degree of freedom."""
-    n = len(counts)
-    energy = np.zeros(n)
-    block = max(50, round(_NOISE_S / interval))
-    for axis in range(counts.shape[1]):
-        jump = np.zeros(n)
-        value = counts[:, axis].astype(float)
-        jump[1:-1] = value[1:-1] - 0.5 * (value[:-2] + value[2:])
-        blocks = -(-n // block)
-        padded = np.full(blocks * block, np.nan)
-        padded[:n] = np.abs(jump)
-        noise = 1.4826 * np.nanmedian(padded.reshape(blocks, block), axis=1)
-        noise = np.maximum(noise, max(0.5, 0.2 * float(np.median(noise))))
-        energy += (jump / np.repeat(noise, block)[:n]) ** 2
-    return energy / counts.shape[1]
 
 
 def _moving(trajectory: xr.Dataset) -> np.ndarray:

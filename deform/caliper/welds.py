@@ -7,14 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.special import ndtr
 
-from deform.caliper.weld_channels import Channel
+from deform.caliper.weld_chain import with_joint_lengths
+from deform.caliper.weld_channels import HEARD, Channel
 from deform.run import build
 
 logger = logging.getLogger(__name__)
 
-_LEVELS = np.array([2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0])  # sigma: limits of the classes of a score
-_WELD_PRIOR = np.array([0.04, 0.06, 0.08, 0.10, 0.17, 0.2, 0.17, 0.18])  # share of welds in each class before the data speak
+_LEVELS = np.array([2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0, 20.0, 30.0, 50.0])  # sigma: limits of the classes of a score
+_FIRES = 4.0  # sigma: scores from here on may be an event of the channel by itself
+_SEEN, _MEDIAN, _SPREAD = (
+    0.8,
+    12.0,
+    0.7,
+)  # before the data speak: share of welds that a channel sees, their score, its log's sigma
 _PRIOR_WEIGHT = 8.0  # welds that the prior is worth
 _FALSE_PER_M = 1e-3  # events per metre of a channel that no weld explains, before the data speak
 _ROUNDS = 30
@@ -56,7 +63,8 @@ def weld_log(channels: list[Channel], trajectory: xr.Dataset, cluster: float = 0
     found = _gather(channels, sigma, cluster)
     if not found.place.size:
         return _dataset(np.empty(0), np.empty(0), np.empty(0), np.empty(0, object), trajectory)
-    probability = _probability(channels, sigma, found, nominal_joint)
+    probability = _probability(channels, sigma, found, cluster, nominal_joint)
+    probability = with_joint_lengths(found.place, probability, nominal_joint)
     keep = _best_of_near(found.place, probability, cluster) & (probability > _LEAST_KEPT)
     return _dataset(found.place[keep], found.sigma[keep], probability[keep], found.named[keep], trajectory)
 
@@ -117,14 +125,15 @@ def _gather(channels: list[Channel], sigma: np.ndarray, cluster: float) -> _Cand
     place = np.concatenate([c.place for c in channels])
     source = np.concatenate([np.full(c.place.size, k) for k, c in enumerate(channels)])
     score = np.concatenate([c.score for c in channels])
+    own = np.concatenate([np.hypot(c.sigma, s) for c, s in zip(channels, sigma, strict=True)])
     order = np.argsort(place, kind="stable")
-    place, source, score = place[order], source[order], score[order]
+    place, source, score, own = place[order], source[order], score[order], own[order]
     reach = float(_reach(sigma, cluster).max())
     groups = np.split(np.arange(place.size), np.flatnonzero(np.diff(place) > reach) + 1) if place.size else []
     places, sigmas, names = [], [], []
     for group in groups:
         best = [group[source[group] == k][np.argmax(score[group][source[group] == k])] for k in np.unique(source[group])]
-        weight = 1.0 / sigma[source[best]] ** 2
+        weight = 1.0 / own[best] ** 2
         places.append(float(np.sum(weight * place[best]) / weight.sum()))
         sigmas.append(float(1.0 / np.sqrt(weight.sum())))
         names.append("+".join(dict.fromkeys(channels[source[b]].name for b in best)))
@@ -134,49 +143,65 @@ def _gather(channels: list[Channel], sigma: np.ndarray, cluster: float) -> _Cand
     return _Candidates(found, np.array(sigmas), traces, covered, np.array(names, dtype=object))
 
 
-def _probability(channels: list[Channel], sigma: np.ndarray, found: _Candidates, nominal_joint: float) -> np.ndarray:
+def _probability(
+    channels: list[Channel], sigma: np.ndarray, found: _Candidates, cluster: float, nominal_joint: float
+) -> np.ndarray:
     """Posterior probability of each candidate to be a girth weld."""
     classes = [np.digitize(t, _LEVELS) for t in found.traces]
-    there = [c.copy() for c in found.covered]
+    fired = [(t >= _FIRES) & c for t, c in zip(found.traces, found.covered, strict=True)]
     span = max(float(np.ptp(found.place)), nominal_joint)
-    background = [_background(c, found.place, r) for c, r in zip(channels, _reach(sigma, 0.15), strict=True)]
-    welds = [_weld_prior(c) for c in channels]
-    rates = [np.full(_LEVELS.size + 1, _FALSE_PER_M / (_LEVELS.size + 1)) for _ in channels]
+    reach = _reach(sigma, cluster)
+    background = [_background(c, found.place, r) for c, r in zip(channels, reach, strict=True)]
+    weld_share = [_weld_share(_SEEN, np.log(_MEDIAN), _SPREAD, b) for b in background]
+    fading = [_fading(c) for c in channels]
+    rates = [_FALSE_PER_M * f for f in fading]
     density = 1.0 / nominal_joint
-    fired = [t >= (0.5 if c.name == "detector" else _LEVELS[2]) for t, c in zip(found.traces, channels, strict=True)]
     probability = np.full(found.place.size, 0.5)
     for _ in range(_ROUNDS):
         weld = np.full(found.place.size, np.log(density))
         silent = np.zeros(found.place.size)
         for k, level in enumerate(classes):
-            weld += np.where(there[k], np.log(welds[k][level]), 0.0)
-            silent += np.where(there[k], np.log(background[k][level]), 0.0)
-        false = np.stack(
-            [
-                np.where(fired[k] & there[k], np.log(rates[k][level]) + silent - np.log(background[k][level]), -np.inf)
-                for k, level in enumerate(classes)
-            ]
-        )
+            weld += np.where(found.covered[k], np.log(weld_share[k][level]), 0.0)
+            silent += np.where(found.covered[k], np.log(background[k][level]), 0.0)
+        alone = [np.log(rates[k][c]) + silent - np.log(background[k][c]) for k, c in enumerate(classes)]
+        false = np.stack([np.where(f, a, -np.inf) for f, a in zip(fired, alone, strict=True)])
         total = np.logaddexp.reduce(false, axis=0)
         before, probability = probability, 1.0 / (1.0 + np.exp(np.clip(total - weld, -700.0, 700.0)))
-        share = np.exp(false - np.where(np.isfinite(total), total, 0.0)) * (1.0 - probability)
+        blame = np.exp(false - np.where(np.isfinite(total), total, 0.0)) * (1.0 - probability)
         density = (probability.sum() + 1.0) / (span + nominal_joint)
-        for k, (channel, level) in enumerate(zip(channels, classes, strict=True)):
-            count = np.bincount(level[there[k]], probability[there[k]], _LEVELS.size + 1)
-            welds[k] = (count + _PRIOR_WEIGHT * _weld_prior(channel)) / (count.sum() + _PRIOR_WEIGHT)
-            events = np.bincount(level, share[k], _LEVELS.size + 1)
-            rates[k] = (events + 0.25) / (span + 0.25 * (_LEVELS.size + 1) / _FALSE_PER_M)
+        for k, level in enumerate(classes):
+            weld_share[k] = _learned(found.traces[k], np.where(found.covered[k], probability, 0.0), background[k])
+            events = np.bincount(level, blame[k], _LEVELS.size + 1)
+            rates[k] = (events + 0.25 * fading[k]) / (span + 0.25 / _FALSE_PER_M)
         if np.abs(probability - before).max() < 1e-6:
             break
     return probability
 
 
-def _weld_prior(channel: Channel) -> np.ndarray:
-    if channel.name != "detector":
-        return _WELD_PRIOR
-    prior = np.full(_LEVELS.size + 1, 1e-3)
-    prior[0] = 1.0 - 1e-3 * _LEVELS.size
-    return prior
+def _weld_share(seen: float, middle: float, spread: float, background: np.ndarray) -> np.ndarray:
+    """Share of welds in each class of score: log-normal where the channel sees the weld, background where it does not."""
+    below = ndtr((np.log(_LEVELS) - middle) / spread)
+    share = np.diff(np.concatenate([[0.0], below, [1.0]]))
+    return seen * (share + 1e-6) / (share + 1e-6).sum() + (1.0 - seen) * background
+
+
+def _learned(trace: np.ndarray, weight: np.ndarray, background: np.ndarray) -> np.ndarray:
+    """Share of welds in each class, from the traces of the candidates weighted by their probability to be welds."""
+    sees = weight * (trace >= _FIRES)
+    seen = (sees.sum() + _PRIOR_WEIGHT * _SEEN) / (weight.sum() + _PRIOR_WEIGHT)
+    size = np.log(np.maximum(trace, 1e-3))
+    total = sees.sum() + _PRIOR_WEIGHT
+    middle = (np.sum(sees * size) + _PRIOR_WEIGHT * np.log(_MEDIAN)) / total
+    square = (np.sum(sees * (size - middle) ** 2) + _PRIOR_WEIGHT * _SPREAD**2) / total
+    return _weld_share(min(seen, 0.995), middle, np.sqrt(square), background)
+
+
+def _fading(channel: Channel) -> np.ndarray:
+    """Falling weights of the classes: strong false events are rarer than weak ones; a detector has one class only."""
+    weights = 0.7 ** np.arange(_LEVELS.size + 1)
+    if channel.name == "detector":
+        weights = np.where(np.arange(_LEVELS.size + 1) == np.digitize(HEARD, _LEVELS), 1.0, 1e-3)
+    return weights / weights.sum()
 
 
 def _background(channel: Channel, candidates: np.ndarray, reach: float, samples: int = 4000) -> np.ndarray:
@@ -187,8 +212,8 @@ def _background(channel: Channel, candidates: np.ndarray, reach: float, samples:
         place = place[np.abs(place - candidates[_nearest(place, candidates)]) > 0.5]
     place = place[channel.covers(place)]
     count = np.bincount(np.digitize(channel.trace(place, reach), _LEVELS), minlength=_LEVELS.size + 1).astype(float)
-    floor = 0.5 * 0.5 ** np.arange(_LEVELS.size + 1)
-    return (count + floor) / (count + floor).sum()
+    count += 0.5 * _fading(channel)
+    return count / count.sum()
 
 
 def _best_of_near(place: np.ndarray, probability: np.ndarray, apart: float) -> np.ndarray:

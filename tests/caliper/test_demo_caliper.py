@@ -58,6 +58,19 @@ def test_the_weld_log_holds_the_welds_and_nothing_else(measured, demo, run):
     welds, true = measured[run].welds, truth(demo, run, "welds").chainage_m.to_numpy()
     sure = welds.chainage.values[welds.probability.values >= 0.5]
     apart = np.abs(sure[:, None] - true[None, :])
-    assert (apart.min(axis=0) < 0.1).mean() >= 0.93
+    assert (apart.min(axis=0) < 0.1).mean() >= 0.99
     assert (apart.min(axis=1) < 0.1).mean() >= 0.995
     assert ((apart.min(axis=1) > 0.1) & (apart.min(axis=1) < 1.0)).sum() == 0
+
+
+@pytest.mark.parametrize("run", RUNS)
+def test_joint_lengths_are_good_to_millimetres_and_their_sigma_is_honest(measured, demo, run):
+    welds, true = measured[run].welds, truth(demo, run, "welds").chainage_m.to_numpy()
+    sure = np.flatnonzero(welds.probability.values >= 0.5)
+    nearest = np.abs(welds.chainage.values[sure][:, None] - true[None, :]).argmin(axis=1)
+    paired = np.diff(nearest) == 1
+    length, sigma = welds.joint_length.values[sure][:-1][paired], welds.joint_length_sigma.values[sure][:-1][paired]
+    error = length - np.diff(true[nearest])[paired]
+    assert error.std() < 0.006
+    assert np.abs(error).max() < 0.05
+    assert 0.85 < np.mean(np.abs(error) < 1.96 * sigma) <= 1.0
