@@ -103,7 +103,8 @@ def fill_travel(motion, step, times, out):
 @njit(cache=True, error_model="numpy")
 def shake(t, speed, vibration, hit_times, hit_signs, hit, out):
     """Fill out (5,) with velocity right, along, up (m/s) and angles yaw, tilt (rad) of the ride; return the latest weld hit."""
-    out[:] = 0.0
+    for k in range(5):
+        out[k] = 0.0
     gate = min(speed / 0.3, 1.0)
     gate = gate * gate * (3.0 - 2.0 * gate)
     if gate > 0.0:
@@ -203,10 +204,14 @@ def fill_increments(begin, dt, panels, table, motion, step, mounting, vibration,
     h = dt / panels
     i, hit = state(begin, table, motion, step, mounting, vibration, hit_times, hit_signs, 0, -1, work, T, Cs[2], xs[2])
     for n in range(out.shape[0]):
-        out[n, :] = 0.0
+        for c in range(6):
+            out[n, c] = 0.0
         for k in range(panels):
             t = begin + n * dt + k * h
-            Cs[0], xs[0] = Cs[2], xs[2]
+            for c in range(10):  # element by element: a whole row drags numba's texts of errors in, 8 s to compile
+                xs[0, c] = xs[2, c]
+                if c < 9:
+                    Cs[0, c // 3, c % 3] = Cs[2, c // 3, c % 3]
             for j in range(1, 3):
                 at = t + 0.5 * j * h
                 i, hit = state(at, table, motion, step, mounting, vibration, hit_times, hit_signs, i, hit, work, T, Cs[j], xs[j])
