@@ -135,34 +135,3 @@ def block_means(values, size, out):
                     total += v
                     count += 1
             out[i, c] = total / count if 2 * count >= size else np.nan
-
-
-@numba.njit(cache=True, error_model="numpy")
-def hysteresis(level, low, high, reach, out):
-    """Number the stretches where ``level`` exceeds ``low`` and somewhere ``high``; gaps of up to ``reach`` are bridged.
-
-    ``out`` receives 0 outside and 1, 2, ... inside; the number of stretches is returned.
-    """
-    n = level.shape[0]
-    count = 0
-    i = 0
-    while i < n:
-        if not level[i] > low:
-            out[i] = 0
-            i += 1
-            continue
-        end = i
-        top = level[i]
-        k = i + 1
-        while k < n and k - end <= reach + 1:
-            if level[k] > low:
-                end = k
-                top = max(top, level[k])
-            k += 1
-        strong = top > high
-        if strong:
-            count += 1
-        for m in range(i, end + 1):
-            out[m] = count if strong else 0
-        i = end + 1
-    return count

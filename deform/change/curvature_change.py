@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deform.change.noise_floor import bend_terms, floor_by_class
+from deform.change.noise_floor import bend_terms, floor_by_class, spread
 from deform.change.stack import Layer
 
 Floats = NDArray[Any]
@@ -48,8 +48,10 @@ def curvature_change(
 
     Notes
     -----
-    σ² = f² (σ_run² + σ_reference²) + (a k)² + (b dk/ds)²: f from the stable straight pipe of each speed class, a and b from its
-    bends (`noise_floor.bend_terms`), b at least the sigma of the chainage map. A bend that both runs see is no change.
+    σ² = f² (σ_run² + σ_reference²) + (a k)² + (b dk/ds)²: f from the stable straight pipe of each speed class, a and b from
+    its bends (`noise_floor.bend_terms`), b at least the sigma of the chainage map. A bend that both runs see is no change.
+    Straight pipe is told by the mean of the two runs, whose noise is independent of that of their difference: choosing by one
+    run alone would choose its quiet moments.
     """
     name = f"curvature_{component}"
     if not (reference.has(name) and other.has(name)):
@@ -57,13 +59,14 @@ def curvature_change(
     base, change = reference.values[name], other.values[name] - reference.values[name]
     formal = _formal(reference, other, name, change)
     with np.errstate(invalid="ignore", divide="ignore"):
-        straight = stable & (np.abs(base) < 5.0 * formal)
+        middle = 0.5 * np.abs(base + other.values[name])
+        straight = stable & (middle < 4.0 * spread(change[stable]))
         use = straight if straight.sum() > 200 else stable
         factor, floors = floor_by_class(change / formal, classes, use)
     factor = np.where(np.isfinite(factor), factor, 1.0)
     quiet = factor * formal
     a, b = bend_terms(change, quiet, base, step, stable)
-    slope = np.gradient(base, step)
+    slope = np.nan_to_num(np.gradient(base, step))
     shift = np.sqrt(b**2 + np.nan_to_num(other.run_chainage_sigma) ** 2)
     sigma = np.sqrt(quiet**2 + (a * base) ** 2 + (shift * slope) ** 2)
     typical = float(np.nanmedian(formal)) if np.isfinite(formal).any() else np.nan

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -52,10 +53,12 @@ def detectable(sigma: float, limit: float, probability: float) -> float:
     With an amplitude A twice the log likelihood ratio is non-central chi-square with two degrees of freedom and
     non-centrality A²/σ².
     """
-    if not np.isfinite(sigma):
-        return float("nan")
-    root = brentq(lambda n: ncx2.sf(limit, 2, n) - probability, 1e-9, 4.0 * limit + 100.0)
-    return float(sigma * np.sqrt(root))
+    return float(sigma * np.sqrt(_non_centrality(float(limit), float(probability)))) if np.isfinite(sigma) else float("nan")
+
+
+@lru_cache(maxsize=64)
+def _non_centrality(limit: float, probability: float) -> float:
+    return float(brentq(lambda n: ncx2.sf(limit, 2, n) - probability, 1e-9, 4.0 * limit + 100.0))
 
 
 def limit_rows(pair: PairChange, outside_diameter: float, joint_noise: float) -> list[dict]:

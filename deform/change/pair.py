@@ -19,7 +19,6 @@ from deform.options import ChangeOptions
 
 Floats = NDArray[Any]
 _ROUNDS = 6  # of search and exclusion; two suffice unless zones lie in each other's flanks
-_BRIDGE = 120.0  # m, length over which the sigma of the datum must hold as if the pipe there were not stable
 
 
 @dataclass(frozen=True)
@@ -138,7 +137,8 @@ class _Search:
             new = zones.peaks(self.waves, self.limit, self.excluded)
             if not new and number > 0:
                 return
-            self._take(new)
+            if new:
+                self._take(new)
 
     def displacement(self):
         """Displacement (n, 5), its sigma, and the noise floors."""
@@ -152,8 +152,8 @@ class _Search:
         for name, values in (("lateral", lateral), ("up", moved[:, 2]), ("axial", axial)):
             floor, floors[f"displacement {name}"] = floor_by_class(values, self.classes, self.stable)
             noise.append(floor)
-        bridge = (self.model.walk * _BRIDGE**3 / 192.0)[[0, 2, 1]]  # lateral, axial, up
-        sigma = np.sqrt(self._east_north_up(*noise) ** 2 + variance + self._east_north_up(*np.sqrt(bridge[[0, 2, 1]])) ** 2)
+        carried = np.where(self.stable[:, None], 0.0, variance)  # on the datum pipe the floor holds it already
+        sigma = np.sqrt(self._east_north_up(*noise) ** 2 + carried)
         across, along = along_pipe_sigma(sigma, self.axes[0], self.axes[1])
         return np.column_stack([moved, lateral, axial]), np.column_stack([sigma, across, along]), floors
 
@@ -200,20 +200,21 @@ class _Search:
         return Signals(self.place, difference, right, lift, change, sigma, self.other.gauge_length, centred)
 
     def _take(self, new: list[zones.Candidate]) -> None:
-        """Add candidates with the extent that the displacement shows once they carry no datum."""
-        if not new:
-            return
-        provisional = [(c.centre - 0.75 * c.length, c.centre + 0.75 * c.length) for c in new]
-        kept = list(self.excluded)
-        self.excluded = kept + provisional
-        self._fit()
-        size, sigma = self._size()
-        for c in new:
-            start, end, _ = zones.extent(self.place, size, sigma, c)
-            self.found.append(replace(c, start=start, end=end))
-            kept.append((start - self.options.zone_margin_m, end + self.options.zone_margin_m))
-        self.excluded = kept
+        """Take candidates out of the datum, first wide, then with the extent that the displacement shows without them."""
+        self.found += new
+        self.excluded = [_clear_of(c, self.options.zone_margin_m, 0.75) for c in self.found]
+        for _ in range(2):
+            self._fit()
+            self._measure()
+            self.excluded = [_clear_of(c, self.options.zone_margin_m, 0.6) for c in self.found]
         self.stable = self.usable & ~_inside(self.axis, self.excluded, 0.0)
+
+    def _measure(self) -> None:
+        """Give every candidate the extent that the displacement shows on the datum as it stands."""
+        size, sigma = self._size()
+        for k, c in enumerate(self.found):
+            start, end, _ = zones.extent(self.place, size, sigma, c)
+            self.found[k] = replace(c, start=start, end=end)
 
     def _size(self) -> tuple[Floats, Floats]:
         """Size of the displacement across the pipe, averaged over five metres, and its sigma."""
@@ -241,6 +242,12 @@ def _ovality(reference: Layer, other: Layer, classes: Floats, stable: Floats, fl
     factor, _ = floor_by_class(change / formal, classes, stable)
     floors["ovality"] = floor_by_class(change, classes, stable)[1]
     return change, factor * formal
+
+
+def _clear_of(c: zones.Candidate, margin: float, share: float) -> tuple[float, float]:
+    """Stretch that carries no datum: the wave's own share of wavelengths, and the extent with a margin for its faint ends."""
+    margin = max(margin, 0.15 * (c.end - c.start))
+    return min(c.start - margin, c.centre - share * c.length), max(c.end + margin, c.centre + share * c.length)
 
 
 def _inside(place: Floats, spans, margin: float) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from deform.geometry.resample import robust_sigma
 Floats = NDArray[Any]
 COMPONENTS = ("lateral", "up")
 _FLANK = 1.0  # of a wavelength: pipe on either side that serves as the local datum
-_TAPS = 48  # nodes over one wavelength, at most
+_TAPS = 32  # nodes over one wavelength, at most
 _WIDEST = 0.5  # of the line: longer waves are no longer told from the drift of the runs
 
 
@@ -70,8 +71,16 @@ def position_weights(length: float, step: float, walk: float, noise: float) -> F
     -----
     Generalised least squares over 1.5 wavelengths on either side: A = w'M d / w'M w with M = K⁻¹ - K⁻¹X(X'K⁻¹X)⁻¹X'K⁻¹, X =
     (1, s), and K the covariance of an integrated random walk and white noise. The pipe on either side is the datum; constant
-    and linear differences of the two runs have no part in the result.
+    and linear differences of the two runs have no part in the result. Only
+    the ratio of walk and noise matters; it is rounded to a power of two, which costs nothing (the variance of the result is taken
+    from the data) and lets pairs and rounds share the weights.
     """
+    return _weights(float(length), float(step), round(np.log2(max(walk, 1e-30) / max(noise, 1e-30))))
+
+
+@lru_cache(maxsize=512)
+def _weights(length: float, step: float, ratio: int) -> Floats:
+    walk, noise = 2.0**ratio, 1.0
     half = max(round((0.5 + _FLANK) * length / step), 2)
     x = np.arange(-half, half + 1) * step
     t = x - x[0]

@@ -106,7 +106,7 @@ def extent(place: Floats, size: Floats, sigma: Floats, candidate: Candidate) -> 
 
     Notes
     -----
-    Hysteresis: from the peak within the wave outward, until the displacement stays below 2 σ, or below a twentieth of the
+    Hysteresis: from the peak within the wave outward, until the displacement stays below 2 σ, or below three hundredths of the
     peak where that is more, for five metres. Where the displacement does not reach 3 σ the wave itself is the extent.
     """
     inside = (place >= candidate.centre - 0.6 * candidate.length) & (place <= candidate.centre + 0.6 * candidate.length)
@@ -114,7 +114,7 @@ def extent(place: Floats, size: Floats, sigma: Floats, candidate: Candidate) -> 
     top = int(np.argmax(level))
     if not level[top] > 3.0 * sigma[top]:
         return candidate.centre - 0.5 * candidate.length, candidate.centre + 0.5 * candidate.length, False
-    low = np.maximum(2.0 * sigma, 0.05 * level[top])
+    low = np.maximum(2.0 * sigma, 0.03 * level[top])
     step = place[1] - place[0]
     reach, widest = max(round(5.0 / step), 1), round(1.5 * candidate.length / step)
     over = np.nan_to_num(size) > low
