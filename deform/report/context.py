@@ -71,6 +71,8 @@ def build_context(content: Content, options: ReportOptions) -> dict[str, Any]:
         "zones": zones,
         "dents": dents,
         "trends": trend_rows(content),
+        "limit_names": list(dict.fromkeys(n for n in content.tables["trends"].limit_name if n)),
+        "compared": content.comparison is not None,
         "options": options,
         "strain_attention": microstrain(options.strain_attention),
         "displacement_attention": number(options.displacement_attention_m, 2, "m"),
@@ -107,7 +109,7 @@ def _size(run: xr.DataTree, group: str) -> int | None:
 def zone_rows(content: Content, options: ReportOptions) -> list[dict[str, Any]]:
     """Return the zones ranked: by the rank of the trends where there is one, then by size against the attention values."""
     table, trends = content.tables["zones"], content.tables["trends"]
-    ranks = {str(r.subject): r.rank for r in records(trends) if not pd.isna(r.rank)}
+    ranks = trends.dropna(subset="rank").groupby("subject")["rank"].min().to_dict()
     rows = []
     for zone in records(table):
         shares = (zone.peak_strain_change / options.strain_attention, zone.peak_displacement_m / options.displacement_attention_m)
@@ -142,24 +144,31 @@ def zone_rows(content: Content, options: ReportOptions) -> list[dict[str, Any]]:
 
 
 def percent(probability: float) -> str:
-    """Return a probability in percent, never rounded up to certainty."""
-    if 0.999 < probability < 1:
+    """Return a probability in percent, never called certain."""
+    if probability > 0.999:
         return "> 99.9 %"
     return f"{100 * probability:.0f} %" if probability < 0.99 else f"{100 * probability:.1f} %"
 
 
 def trend_sentence(rows: pd.DataFrame) -> str:
-    """Return the trends of one zone or dent in words."""
+    """Return the trends of one zone or dent in words: each rate, and when it reaches its limit if that is likely."""
     parts = []
     for row in records(rows.drop_duplicates("kind")):
         if pd.isna(row.rate_per_year):
             continue
         text = f"{row.kind} {rate(row.kind, row.rate_per_year, row.rate_sigma_per_year)}"
-        if row.forecast_date:
-            text += f"; {row.limit_name} about {str(row.forecast_date)[:7]}"
-            text += f" ({percent(row.forecast_probability)})" if not pd.isna(row.forecast_probability) else ""
+        if row.forecast_date and not pd.isna(row.forecast_probability) and row.forecast_probability >= 0.5:
+            sure = percent(row.forecast_probability)
+            text += f", {quantity(row.kind, row.limit_value)} about {str(row.forecast_date)[:7]} ({sure})"
         parts.append(text)
     return "; ".join(parts)
+
+
+def quantity(kind: str, value: Any) -> str:
+    """Return the value of a trend in the unit that suits its kind."""
+    if "strain" in str(kind):
+        return microstrain(value)
+    return number(_mm(value), 1, "mm") if "dent" in str(kind) else number(value, 2, "m")
 
 
 def rate(kind: str, value: Any, sigma: Any = None) -> str:
@@ -174,9 +183,7 @@ def trend_rows(content: Content) -> list[dict[str, str]]:
     """Return the table of trends for people."""
     rows = []
     for row in records(content.tables["trends"].sort_values("rank", na_position="last")):
-        strain = "strain" in str(row.kind)
         low_high = " … ".join(rate(row.kind, v) for v in (row.rate_low_per_year, row.rate_high_per_year))
-        size = microstrain if strain else lambda v: number(None if pd.isna(v) else 1000 * v, 1, "mm")
         rows.append(
             {
                 "rank": NOTHING if pd.isna(row.rank) else str(int(row.rank)),
@@ -185,8 +192,9 @@ def trend_rows(content: Content) -> list[dict[str, str]]:
                 "epochs": NOTHING if pd.isna(row.n_epochs) else str(int(row.n_epochs)),
                 "rate": rate(row.kind, row.rate_per_year, row.rate_sigma_per_year),
                 "interval": low_high if not pd.isna(row.rate_low_per_year) else NOTHING,
-                "last": size(row.last_value),
-                "limit": f"{row.limit_name} ({size(row.limit_value)})" if row.limit_name else NOTHING,
+                "last": quantity(row.kind, row.last_value),
+                "limit": quantity(row.kind, row.limit_value),
+                "limit_name": row.limit_name,
                 "forecast": row.forecast_date or "not within the horizon",
                 "probability": NOTHING if pd.isna(row.forecast_probability) else percent(row.forecast_probability),
                 "remark": row.remark,
@@ -267,7 +275,7 @@ def verdict(content: Content, zones: list[dict], dents: list[dict]) -> list[str]
     if moved:
         said.append(f"{_count(len(moved), 'zone')} moved or bent significantly {span}.")
         said += _peaks(moved)
-        said += [f"{z['id']}: {z['trend']}." for z in moved[:3] if z["trend"]]
+        said += [f"{z['id']} goes on: {z['trend']}." for z in moved[:3] if z["trend"]]
     elif content.comparison is not None:
         said.append(f"No zone moved or bent significantly {span}; the detection limits say what could have been seen.")
     else:

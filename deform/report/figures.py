@@ -63,7 +63,7 @@ def _unrolled(figure: Figure, axes: list, window: xr.Dataset) -> None:
         picture = ax.imshow(depth[i].T, extent=extent, aspect="auto", vmin=-0.2 * top, vmax=top, **_DEPTH_IMAGE)
         ax.grid(visible=False)
         ax.set_title(f"{name}  {window['date'].values[i]}" if "date" in window else str(name))
-        ticks = np.arange(-180, 181, 60)
+        ticks = _whole_hours(at)
         ax.set_yticks(ticks, [clock_text(at + t) for t in ticks] if i == 0 else [""] * ticks.size)
         ax.set_ylim(min(150, extent[2]), max(-150, extent[3]))
         ax.set_xlabel("along the pipe (mm), + = downstream")
@@ -91,7 +91,7 @@ def _profile_around(ax, window: xr.Dataset) -> None:
     order = np.argsort(clock)
     for k in range(window.sizes["run"]):
         ax.plot(clock[order], -window["depth"].values[k][j][order] * 1000, **epoch_style(_epoch_index(window, k)))
-    ticks = np.arange(-180, 181, 60)
+    ticks = _whole_hours(at)
     ax.set_xticks(ticks, [clock_text(at + t) for t in ticks], rotation=45)
     ax.set(title="Profile around", xlabel="clock (h:mm)", ylabel="wall (mm), + = outward")
 
@@ -116,6 +116,12 @@ def _section(ax, window: xr.Dataset) -> None:
     ax.set_yticks([])
     ax.set_ylim(0, radius * 1.15)
     ax.set_title(f"Section at the apex, residuals × {scale:.0f}")
+
+
+def _whole_hours(at: float) -> np.ndarray:
+    """Return the offsets (degree, within a half turn) from a clock angle at which every second hour stands."""
+    hours = np.arange(0, 720, 60) - at
+    return np.sort(hours[(hours > -170) & (hours < 170)])
 
 
 def _apex_clock(window: xr.Dataset) -> float:

@@ -114,20 +114,33 @@ def _joint_panel(content: Content) -> dict[str, Any] | None:
 
 
 def plan(content: Content, zones: list[dict], dents: list[dict]) -> dict[str, Any] | None:
-    """Return the reference centreline in metres east and north of its middle, thinned, with its chainage."""
+    """Return the reference centreline thinned, with its chainage, turned so that the line runs to the right.
+
+    ``along`` and ``across`` are metres from the middle of the line, ``turn`` is the azimuth (degree) of the picture's right.
+    """
     centreline = content.group(content.reference, "centreline")
     if centreline is None or "latitude" not in centreline or not np.isfinite(centreline["latitude"].values).any():
         return None
     s = centreline["chainage"].values
     good = np.flatnonzero(np.isfinite(centreline["latitude"].values))
     keep = good[:: max(good.size // _MAP_POINTS, 1)]
-    in_zone = [good[(s[good] >= z["start"]) & (s[good] <= z["end"])][::20] for z in zones]
-    keep = np.unique(np.concatenate([keep, good[-1:], *in_zone]))
-    latitude, longitude = centreline["latitude"].values, centreline["longitude"].values
-    origin = float(np.mean(latitude[keep])), float(np.mean(longitude[keep]))
-    east, north = local_metres(latitude[keep], longitude[keep], origin)
-    rounded = {name: np.round(values, 2) for name, values in (("s", s[keep]), ("east", east), ("north", north))}
-    return rounded | {"latitude": origin[0], "longitude": origin[1]}
+    places = [(z["start"], z["end"]) for z in zones] + [(d["chainage"] - 1, d["chainage"] + 1) for d in dents[:500]]
+    inside = [good[(s[good] >= start) & (s[good] <= end)][::20] for start, end in places]
+    keep = np.unique(np.concatenate([keep, good[-1:], *inside]))
+    latitude, longitude = centreline["latitude"].values[keep], centreline["longitude"].values[keep]
+    east, north = local_metres(latitude, longitude, (float(np.mean(latitude)), float(np.mean(longitude))))
+    along, across, turn = turned(east, north)
+    rounded = {name: np.round(values, 2) for name, values in (("s", s[keep]), ("along", along), ("across", across))}
+    return rounded | {"turn": turn}
+
+
+def turned(east: np.ndarray, north: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return the line in axes along its main direction and to the left of it, and the azimuth (degree) of that direction."""
+    span = np.array([east[-1] - east[0], north[-1] - north[0]])
+    if np.hypot(*span) < 0.2 * max(np.ptp(east), np.ptp(north)):
+        span = np.array([1.0, 0.0])  # a loop has no main direction: north stays up
+    unit = span / np.hypot(*span)
+    return east * unit[0] + north * unit[1], north * unit[0] - east * unit[1], float(np.degrees(np.arctan2(unit[0], unit[1])))
 
 
 def local_metres(latitude: np.ndarray, longitude: np.ndarray, origin: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -157,7 +170,8 @@ def weld_table(content: Content) -> dict[str, Any]:
     wide = welds.drop_duplicates(["weld_id", "run"]).pivot(index="weld_id", columns="run", values=["chainage_m", "status"])
     groups = welds.groupby("weld_id")
     place, probability = groups.reference_chainage_m.mean(), groups.probability.min()
-    reason = welds[welds.reason != ""].groupby("weld_id").reason.agg(lambda r: "; ".join(dict.fromkeys(r)))
+    told = welds[(welds.reason != "") & (welds.status != "matched")]
+    reason = told.groupby("weld_id").reason.agg(lambda texts: "; ".join(dict.fromkeys(texts)))
     names = [name for name in content.ids if ("status", name) in wide]
     rows = []
     for weld in place.sort_values().index:

@@ -68,7 +68,6 @@ def pdf_context(content: Content, options: ReportOptions) -> dict[str, Any]:
         cards.append({"dent": dent, "picture": None if window is None else picture(figures.dent_card(window))})
     welds = weld_table(content)
     odd = [row for row in welds["rows"] if any(word not in ("matched", "shifted") for word in row[3:-2:2])]
-    navigated = [] if ds is None else _navigated(content)
     return numbers | {
         "cards": cards,
         "more_dents": max(len(numbers["dents"]) - len(cards), 0),
@@ -77,7 +76,7 @@ def pdf_context(content: Content, options: ReportOptions) -> dict[str, Any]:
         "zone_pictures": [] if ds is None else _zone_pictures(ds, moved[: options.most_zone_details]),
         "trend_pictures": _trend_pictures(content),
         "limit_picture": _limit_picture(content),
-        "navigation_pictures": [(run, picture(line_figures.navigation_panel(ds, run))) for run in navigated],
+        "navigation_pictures": [] if ds is None else _navigation_pictures(ds, content),
         "weld_runs": welds["runs"],
         "weld_rows": odd[:_MOST_WELD_ROWS],
         "weld_count": len(welds["rows"]),
@@ -132,5 +131,6 @@ def _limit_picture(content: Content) -> str | None:
     return None if figure is None else picture(figure)
 
 
-def _navigated(content: Content) -> list[str]:
-    return [run for run in content.ids if (ds := content.group(run, "centreline")) is not None and "pitch" in ds]
+def _navigation_pictures(ds: Any, content: Content) -> list[tuple[str, str]]:
+    runs = [run for run in content.ids if (line := content.group(run, "centreline")) is not None and "pitch" in line]
+    return [(run, picture(line_figures.navigation_panel(ds, run))) for run in runs]

@@ -9,9 +9,31 @@ import pandas as pd
 import xarray as xr
 
 from deform.report.content import Content
-from deform.report.context import NOTHING, number
+from deform.report.context import NOTHING, number, with_sigma
 
 _CONTRACT = ("zones", "dents", "trends", "joints", "welds")
+_TITLES = {
+    "floors": (
+        "Noise floors",
+        "One sigma on the stable pipe of each pair of runs, in metre (displacement, joint length) or 1 (strain).",
+    ),
+    "limits": (
+        "Detection limits",
+        "Least amplitude of a movement of the given length that these runs could show; smaller ones stay unseen.",
+    ),
+}
+_NAVIGATION = (
+    # variable, title, unit, decimals, factor
+    ("alignment_azimuth", "first azimuth", "°", 4, 1.0),
+    ("alignment_pitch", "first pitch", "°", 4, 1.0),
+    ("alignment_roll", "first roll", "°", 4, 1.0),
+    ("gyro_bias", "gyro drift", "°/h", 4, 1.0),
+    ("accel_bias", "accelerometer bias", "µg", 1, 1e6 / 9.80665),
+    ("mounting_azimuth", "mounting, azimuth", "°", 4, 1.0),
+    ("mounting_pitch", "mounting, pitch", "°", 4, 1.0),
+    ("odometer_scale", "odometer scale", "ppm", 0, 1e6),
+    ("delay", "odometer delay", "ms", 1, 1e3),
+)
 _COMPONENTS = ("east", "north", "up")
 _INNER = {"Conventions", "history", "schema_version", "id", "date", "line", "source", "direction"}
 _STATUSES = ("matched", "shifted", "missed", "false", "added", "removed")
@@ -23,7 +45,9 @@ def quality(content: Content) -> dict[str, Any]:
     return {
         "markers": marker_rows(content),
         "welds": weld_counts(content),
-        "tables": [frame_rows(name, frame) for name, frame in content.tables.items() if name not in _CONTRACT and len(frame)],
+        "navigation": navigation_rows(content),
+        "innovations": innovation_rows(content),
+        "tables": further_tables(content),
         "runs": [run_details(content, run) for run in content.ids],
         "stages": [
             {
@@ -73,15 +97,67 @@ def weld_counts(content: Content) -> list[dict[str, Any]]:
 
 
 def frame_rows(name: str, frame: pd.DataFrame, most: int = 400) -> dict[str, Any]:
-    """Return any table for people: its name, columns, rows of text, and whether it was cut."""
-    shown = frame.head(most)
+    """Return any table for people: its title, a note, columns, rows of text, and how many rows were cut."""
+    shown = frame.dropna(axis=1, how="all").head(most)
     rows = [[_cell(value) for value in row] for row in shown.itertuples(index=False)]
-    return {
-        "name": name,
-        "columns": [str(c).replace("_", " ") for c in frame.columns],
-        "rows": rows,
-        "cut": len(frame) - len(shown),
-    }
+    title, note = _TITLES.get(name, (name.capitalize(), f"tables/{name}.csv"))
+    columns = [str(column).replace("_", " ") for column in shown.columns]
+    return {"name": name, "title": title, "note": note, "columns": columns, "rows": rows, "cut": len(frame) - len(shown)}
+
+
+def limit_tables(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the noise floors and the detection limits of ``tables/limits.csv`` apart."""
+    if "wavelength_m" not in frame:
+        return [frame_rows("limits", frame)]
+    floors = frame[frame.wavelength_m.isna()].drop(columns="wavelength_m")
+    limits = frame[frame.wavelength_m.notna()]
+    return [frame_rows(name, part) for name, part in (("floors", floors), ("limits", limits)) if len(part)]
+
+
+def further_tables(content: Content) -> list[dict[str, Any]]:
+    """Return noise floors and limits first, then every other table that lies beside those of the contract."""
+    found: list[dict[str, Any]] = []
+    for name, frame in sorted(content.tables.items(), key=lambda pair: pair[0] != "limits"):
+        if name not in _CONTRACT and len(frame):
+            found += limit_tables(frame) if name == "limits" else [frame_rows(name, frame)]
+    return found
+
+
+def navigation_rows(content: Content) -> list[dict[str, Any]]:
+    """Return alignment, biases at the end, mounting and odometer scale of each run (Porter 1990, tables 4-1 to 4-5)."""
+    rows = []
+    for run in content.ids:
+        ds = content.group(run, "navigation")
+        if ds is not None:
+            cells = [cell for entry in _NAVIGATION if entry[0] in ds for cell in _navigation_cells(ds, *entry)]
+            method = ", ".join(str(ds.attrs[key]) for key in ("alignment_method", "error_model") if key in ds.attrs)
+            rows.append({"run": run, "cells": cells, "method": method})
+    return rows
+
+
+def _navigation_cells(ds: xr.Dataset, name: str, title: str, unit: str, decimals: int, factor: float) -> list[tuple[str, str]]:
+    """Return (title, value ± sigma) of the last epoch, one per axis where there are axes."""
+    axes = ("right", "forward", "up") if "axis" in ds[name].dims else ("",)
+    value = np.asarray(ds[name].values, float).reshape(-1, len(axes))[-1] * factor
+    sigma = np.full(len(axes), np.nan)
+    if f"{name}_sigma" in ds:
+        sigma = np.asarray(ds[f"{name}_sigma"].values, float).reshape(-1, len(axes))[-1] * factor
+    titles = [f"{title}, {axis}" if axis else title for axis in axes]
+    return [(t, with_sigma(v, s, decimals, unit, sign=True)) for t, v, s in zip(titles, value, sigma, strict=True)]
+
+
+def innovation_rows(content: Content) -> list[list[str]]:
+    """Return for each run and kind of measurement: number, mean square of the scaled innovation, number down-weighted."""
+    rows = []
+    for run in content.ids:
+        ds = content.group(run, "navigation")
+        if ds is None or "innovation_count" not in ds or "kind" not in ds.variables:
+            continue
+        for i, kind in enumerate(ds["kind"].values):
+            square = float(ds["innovation_square"].values[i]) if "innovation_square" in ds else np.nan
+            outliers = str(int(ds["innovation_outliers"].values[i])) if "innovation_outliers" in ds else NOTHING
+            rows.append([run, str(kind), str(int(ds["innovation_count"].values[i])), number(square, 2), outliers])
+    return rows
 
 
 def _cell(value: Any) -> str:

@@ -59,7 +59,7 @@
   function layout() {
     const n = lanes(), total = n * (narrow() ? 120 : 140) + 60, head = 22 / (total - 70), each = (1 - n * head) / (n - 0.45);
     const result = {
-      height: total, margin: { l: narrow() ? 52 : 70, r: 12, t: 6, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+      width: strips.clientWidth, height: total, margin: { l: narrow() ? 52 : 70, r: 12, t: 6, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { color: css("--ink"), size: narrow() ? 10 : 12 }, hovermode: "x", hoversubplots: "axis", dragmode: "zoom", showlegend: false,
       xaxis: { range: view.slice(), title: { text: "reference chainage (m), rising downstream" }, gridcolor: css("--grid"), zeroline: false, anchor: "y" + (n > 1 ? n : ""), tickformat: ",.6~r", separatethousands: true },
       hoverlabel: { bgcolor: css("--raised"), font: { color: css("--ink") } }, annotations: [], shapes: [],
@@ -78,14 +78,14 @@
     });
     return result;
   }
-  const settings = { responsive: true, displaylogo: false, displayModeBar: false, scrollZoom: false, doubleClick: false };
+  const settings = { responsive: false, displaylogo: false, displayModeBar: false, scrollZoom: false, doubleClick: false };
   const limited = ([a, b]) => {
     const size = Math.min(Math.max(b - a, 1), whole[1] - whole[0]);
     const start = Math.min(Math.max(a, whole[0]), whole[1] - size);
     return [start, start + size];
   };
   function draw() {
-    if (panels.length) Plotly.react(strips, traces(), layout(), settings);
+    if (panels.length) { const wanted = layout(); strips.style.height = wanted.height + "px"; Plotly.react(strips, traces(), wanted, settings); }
     else strips.hidden = true;
     from.value = view[0].toFixed(1); to.value = view[1].toFixed(1);
     drawMap(); drawRibbon();
@@ -98,8 +98,8 @@
     if (!data.map) { map.hidden = true; return; }
     const m = data.map, inside = m.s.map((s) => s >= view[0] && s <= view[1]);
     const at = (x) => { let i = 0, j = m.s.length - 1; while (j - i > 1) { const k = (i + j) >> 1; if (m.s[k] <= x) i = k; else j = k; } return i; };
-    const line = (keep, extra) => ({ x: m.east.map((v, i) => (keep(i) ? v : null)), y: m.north.map((v, i) => (keep(i) ? v : null)), customdata: m.s, mode: "lines", hovertemplate: "%{customdata:,.0f} m<extra></extra>", ...extra });
-    const dots = (rows, extra) => ({ x: rows.map((r) => m.east[at(r.x)]), y: rows.map((r) => m.north[at(r.x)]), customdata: rows.map((r) => r.x), text: rows.map((r) => safe(r.text)), hovertemplate: "%{text}, %{customdata:,.0f} m<extra></extra>", mode: "markers", ...extra });
+    const line = (keep, extra) => ({ x: m.along.map((v, i) => (keep(i) ? v : null)), y: m.across.map((v, i) => (keep(i) ? v : null)), customdata: m.s, mode: "lines", hovertemplate: "%{customdata:,.0f} m<extra></extra>", ...extra });
+    const dots = (rows, extra) => ({ x: rows.map((r) => m.along[at(r.x)]), y: rows.map((r) => m.across[at(r.x)]), customdata: rows.map((r) => r.x), text: rows.map((r) => safe(r.text)), hovertemplate: "%{text}, %{customdata:,.0f} m<extra></extra>", mode: "markers", ...extra });
     const list = [
       line(() => true, { line: { color: css("--quiet"), width: 1.5 } }),
       line((i) => inside[i], { line: { color: css("--ink"), width: 3.5 } }),
@@ -109,11 +109,16 @@
       dots(data.zones.map((z) => ({ x: (z.start + z.end) / 2, text: z.id })), { mode: "text", textposition: "top right", textfont: { color: css("--ink"), size: 12 } }),
     ];
     const axis = { gridcolor: css("--grid"), zeroline: false, separatethousands: true };
+    const spread = (v) => Math.max(...v) - Math.min(...v), width = map.clientWidth;
+    const height = Math.round(Math.min(Math.max((width * spread(m.across)) / Math.max(spread(m.along), 1), 110), narrow() ? 260 : 380) + 70);
+    const angle = ((-m.turn) * Math.PI) / 180, arrow = 26;
+    map.style.height = height + "px";
     Plotly.react(map, list, {
-      height: narrow() ? 300 : 420, margin: { l: narrow() ? 52 : 70, r: 12, t: 10, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, hovermode: "closest", dragmode: "pan",
-      font: { color: css("--ink"), size: narrow() ? 10 : 12 }, uirevision: "map",
-      xaxis: { ...axis, title: { text: "east (m)" } }, yaxis: { ...axis, title: { text: "north (m)" }, scaleanchor: "x" }, hoverlabel: { bgcolor: css("--raised"), font: { color: css("--ink") } },
-    }, { responsive: true, displaylogo: false, displayModeBar: false, scrollZoom: true });
+      width, height, margin: { l: narrow() ? 52 : 70, r: 12, t: 10, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, hovermode: "closest",
+      dragmode: narrow() ? false : "pan", font: { color: css("--ink"), size: narrow() ? 10 : 12 }, uirevision: "map",
+      annotations: [{ xref: "paper", yref: "paper", x: 0.985, y: 0.93, xshift: -arrow, yshift: -arrow / 2, axref: "pixel", ayref: "pixel", ax: arrow * Math.cos(angle), ay: arrow * Math.sin(angle), text: "N", showarrow: true, arrowside: "start", arrowhead: 2, arrowcolor: css("--ink"), font: { color: css("--ink"), size: 13 } }],
+      xaxis: { ...axis, title: { text: `along ${Math.round((m.turn + 360) % 360)}° (m)` } }, yaxis: { ...axis, title: { text: "across (m)" }, scaleanchor: "x", nticks: 6 }, hoverlabel: { bgcolor: css("--raised"), font: { color: css("--ink") } },
+    }, { responsive: false, displaylogo: false, displayModeBar: false, scrollZoom: false });
   }
 
   /* ---- ribbon ---- */
@@ -177,6 +182,45 @@
       draw();
     });
     legend.append(button);
+  });
+
+  /* ---- zone details: every epoch with its sigma band, at full rate ---- */
+  const DETAIL = ["displacement_lateral", "displacement_up", "bending_strain_change_horizontal", "bending_strain_change_vertical"];
+  function drawDetail(place, zone) {
+    const shown = panels.filter((p) => DETAIL.includes(p.key)), list = [], a = Math.max(zone.start - 50, whole[0]), b = Math.min(zone.end + 50, whole[1]);
+    const columns = narrow() ? 1 : 2, rows = Math.ceil(shown.length / columns), height = rows * 190 + 50;
+    const wanted = {
+      width: place.clientWidth, height, margin: { l: 60, r: 12, t: 26, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, hovermode: "x", font: { color: css("--ink"), size: 11 },
+      annotations: [], shapes: [], hoverlabel: { bgcolor: css("--raised"), font: { color: css("--ink") } },
+    };
+    shown.forEach((panel, k) => {
+      const key = k ? k + 1 : "", column = k % columns, row = Math.floor(k / columns), w = columns === 2 ? 0.46 : 1, h = 1 / rows;
+      const x = [column * 0.54, column * 0.54 + w], y = [1 - (row + 1) * h + 0.02, 1 - row * h - 0.09];
+      wanted["xaxis" + key] = { domain: x, anchor: "y" + key, range: [a, b], gridcolor: css("--grid"), zeroline: false, matches: k ? "x" : undefined, showticklabels: row === rows - 1, separatethousands: true, title: row === rows - 1 ? { text: "reference chainage (m)" } : undefined };
+      wanted["yaxis" + key] = { domain: y, anchor: "x" + key, gridcolor: css("--grid"), zerolinecolor: css("--quiet"), nticks: 5, separatethousands: true, exponentformat: "none" };
+      wanted.annotations.push({ xref: "paper", yref: "paper", x: x[0], y: y[1], xanchor: "left", yanchor: "bottom", showarrow: false, text: `${panel.title} (${panel.unit}), ${panel.positive}`, font: { size: 11 } });
+      wanted.shapes.push({ type: "rect", xref: "x" + key, yref: `y${key} domain`, x0: zone.start, x1: zone.end, y0: 0, y1: 1, layer: "below", line: { width: 0 }, fillcolor: css(`--${zone.severity}`) + "25" });
+      panel.series.forEach((s) => {
+        const line = s.curve.view(a, b, 4000), common = { xaxis: "x" + key, yaxis: "y" + key, mode: "lines" };
+        if (s.curve.limit) {
+          const band = Curves.view(s.curve.limit, a - 30, b + 30, 4000);
+          const sigma = (place) => { let i = band.x.findIndex((v) => v >= place); if (i < 0) i = band.x.length - 1; return (band.y[i] || 0) / (panel.k || 1); };
+          const side = (sign) => line.x.map((v, i) => (line.y[i] === null ? null : line.y[i] + sign * sigma(v)));
+          list.push({ ...common, x: line.x, y: side(1), line: { width: 0 }, hoverinfo: "skip" }, { ...common, x: line.x, y: side(-1), line: { width: 0 }, hoverinfo: "skip", fill: "tonexty", fillcolor: colour(s.i) + "33" });
+        }
+        list.push({ ...common, ...line, name: safe(s.run), line: { color: colour(s.i), width: 1.6, dash: DASH[s.i % 8] }, hovertemplate: `%{y:.4g} ${panel.unit}<extra>${safe(s.run)}</extra>` });
+      });
+    });
+    place.style.height = height + "px";
+    Plotly.react(place, list, wanted, settings);
+  }
+  const details = document.getElementById("zone-details");
+  data.zones.slice(0, 60).forEach((zone) => {
+    if (!panels.some((p) => DETAIL.includes(p.key))) return;
+    const box = document.createElement("details"), head = document.createElement("summary"), place = document.createElement("div");
+    box.className = "note"; place.className = "detail"; head.textContent = `${zone.id} in detail: every run at full rate, bands ± one standard deviation`;
+    box.append(head, place); details.append(box);
+    box.addEventListener("toggle", () => { if (box.open) drawDetail(place, zone); });
   });
 
   /* ---- 3-D ---- */

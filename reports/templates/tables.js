@@ -1,7 +1,7 @@
 "use strict";
 /* Tables that sort by a click on their head and filter by a word; long ones are shown a page at a time. */
 const Tables = (() => {
-  const PAGE = 100;
+  const PAGE = 25;
   const make = (tag, attributes, text) => {
     const element = document.createElement(tag);
     Object.entries(attributes || {}).forEach(([k, v]) => element.setAttribute(k, v));
