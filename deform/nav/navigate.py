@@ -15,6 +15,7 @@ from deform.nav import _kernels_filter as kernels
 from deform.nav import odometer, product
 from deform.nav.aiding import mark_aid, travel_aid
 from deform.nav.alignment import Alignment, align
+from deform.nav.arm_tilt import ring_centres
 from deform.nav.compensation import compensation_table
 from deform.nav.error_model import ErrorModel, compose
 from deform.nav.filter import Problem, Start
@@ -82,7 +83,7 @@ def navigate(
     marks = mark_aid(epochs, passages["time"].values, places, sigma, 0.03)
     model = compose("full", raw.header)
     start = first_state(raw, aligned, model, float(travel.speeds[0]))
-    solution = solve(Problem(epochs, travel, marks, model, start))
+    solution = solve(Problem(epochs, travel, marks, model, start), ring_centres(raw))
     tell(0.8)
     line = product.trajectory_dataset(raw, counts, solution, wheels, options)
     remarks = _mark_remarks(solution, passages)

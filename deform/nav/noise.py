@@ -39,22 +39,21 @@ def learn(problem: Problem) -> Problem:
     part = stretch(problem)
     if part is None or not part.model.index("wobble").stop:
         return problem
-    x = np.log([math.radians(0.15), math.radians(0.15), 10.0, RIDE_DENSITY])
+    x = np.log([math.radians(0.1) / 6.0**1.5, math.radians(0.1) / 6.0**1.5, 6.0, RIDE_DENSITY])
+    low, high = np.log(_BOUNDS).T
 
     def misfit(logs: Floats, along: float) -> float:
-        values = np.exp(logs)
-        beyond = sum(
-            max(0.0, math.log(lo) - v) ** 2 + max(0.0, v - math.log(hi)) ** 2 for v, (lo, hi) in zip(logs, _BOUNDS, strict=True)
-        )
-        return -float(run_forward(apply(part, values, along)).score.sum()) + 100.0 * beyond
+        values = _wobble(logs)
+        beyond = np.sum(np.clip(low - np.log(values), 0.0, None) ** 2 + np.clip(np.log(values) - high, 0.0, None) ** 2)
+        return -float(run_forward(apply(part, values, along)).score.sum()) + 100.0 * float(beyond)
 
     along = _along(part, x, 1.0)
-    simplex = np.vstack([x, x + np.diag([0.6, 0.6, 0.8, 1.5])])
+    simplex = np.vstack([x, x + np.diag([0.5, 0.5, 0.4, 1.2])])
     best = minimize(
-        misfit, x, (along,), "Nelder-Mead", options={"initial_simplex": simplex, "maxfev": 70, "xatol": 0.05, "fatol": 0.3}
+        misfit, x, (along,), "Nelder-Mead", options={"initial_simplex": simplex, "maxfev": 80, "xatol": 0.05, "fatol": 0.5}
     )
     along = _along(part, best.x, along)
-    values = np.exp(best.x)
+    values = _wobble(best.x)
     log.info("wobble of the tool in the pipe %.3f degree right, %.3f up over %.1f m, ride %.1e m²/m, odometer's sigma times %.2f",
              math.degrees(values[0]), math.degrees(values[1]), values[2], values[3], math.sqrt(along))  # fmt: skip
     return apply(problem, values, along)
@@ -89,8 +88,17 @@ def stretch(problem: Problem) -> Problem | None:
     )  # fmt: skip
 
 
+def _wobble(logs: Floats) -> Floats:
+    """Wobble (sigma right, up, length) and ride from the logarithms that the search uses.
+
+    The data see the short waves, whose size is sigma / length^1.5, far better than sigma and length by themselves.
+    """
+    right, up, reach, ride = np.exp(logs)
+    return np.array([right * reach**1.5, up * reach**1.5, reach, ride])
+
+
 def _along(part: Problem, logs: Floats, start: float) -> float:
-    values = np.exp(logs)
+    values = _wobble(logs)
 
     def misfit(log_factor: float) -> float:
         return -float(run_forward(apply(part, values, math.exp(log_factor))).score.sum())

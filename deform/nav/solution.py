@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from deform.geometry import earth
 from deform.nav import _kernels_filter as kernels
 from deform.nav.aiding import MarkAid
+from deform.nav.arm_tilt import tilt_per_epoch
 from deform.nav.filter import Filtered, Problem, run_forward
 from deform.nav.noise import learn
 from deform.nav.smoother import Smoothed, smooth
@@ -46,8 +47,13 @@ class Solution:
     closed: Floats
 
 
-def solve(problem: Problem) -> Solution:
+def solve(problem: Problem, arms: tuple[Floats, Floats] | None = None) -> Solution:
     """Filter and smooth until noise, weights and first attitude stand.
+
+    Parameters
+    ----------
+    problem : with noise as it is before the data have spoken.
+    arms : times and slopes of the pipe's centre along the tool from `arm_tilt.ring_centres`.
 
     Notes
     -----
@@ -63,6 +69,10 @@ def solve(problem: Problem) -> Solution:
         problem = _restarted(problem, smoothed)
         filtered, smoothed = _pass(problem)
     problem, filtered, smoothed = _without_gross(problem, filtered, smoothed, UNTIL_LEARNED)
+    if arms is not None:
+        attitudes = smoothed.states[:, 6:15].reshape(-1, 3, 3)
+        tilt = tilt_per_epoch(problem.epochs, attitudes, *arms, problem.travel.stationary)
+        problem = replace(problem, travel=replace(problem.travel, tilt=tilt))
     problem = learn(problem)
     filtered, smoothed = _pass(problem)
     problem, filtered, smoothed = _without_gross(problem, filtered, smoothed, CONTRADICTED)
