@@ -197,7 +197,10 @@ def smooth_integral(total, variance, push, F, Q, Q_push, P0, wanted, value, spre
         x_f[k], P_f[k] = x, P
     value[n - 1], spread[n - 1] = x[wanted], np.sqrt(max(P[wanted, wanted], 0.0))
     for k in range(n - 2, -1, -1):
-        J = np.linalg.solve(P_p[k + 1], _product(F, P_f[k])).T
+        predicted = P_p[k + 1].copy()
+        for i in range(m):
+            predicted[i, i] = predicted[i, i] * (1.0 + 1e-12) + 1e-30
+        J = np.linalg.solve(predicted, _product(F, P_f[k])).T
         x = x_f[k] + _times(J, x - x_p[k + 1])
         P = P_f[k] + _congruent(J, P - P_p[k + 1])
         value[k], spread[k] = x[wanted], np.sqrt(max(P[wanted, wanted], 0.0))

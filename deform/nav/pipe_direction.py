@@ -15,7 +15,7 @@ from deform.geometry.earth import radii
 from deform.geometry.resample import MAD_TO_SIGMA, box_average, interpolate
 from deform.geometry.rotation import attitude_to_matrix
 from deform.nav import _kernels_path
-from deform.nav.wobble import Wobble, fit_wobble
+from deform.nav.wobble import Wobble, fit_wobble, turn_sigma
 from deform.run.raw import RunHeader
 
 Floats = NDArray[Any]
@@ -74,15 +74,16 @@ def direction_along(trajectory: xr.Dataset, travel: Floats, grid: Floats, header
     known = "latitude" in trajectory and travel.size > 10
     mounting, sag = (0.0, 0.0), (0.0, 0.0)
     zero = np.zeros(grid.size)
-    wobble = [Wobble.absent(grid.size)] * 2
+    wobble = [Wobble.absent(grid.size, TURN_LAGS_M.size)] * 2
     if known:
         apart = _apart(trajectory, azimuth, pitch)
         mounting, sag = _constants(travel, apart, roll)
         azimuth, pitch = _turned(azimuth, pitch, roll, mounting)
         apart = _apart(trajectory, azimuth, pitch) - np.array(sag) * np.diff(travel, prepend=travel[0])[:, None]
-        wobble = _wobble(trajectory, travel, apart, grid, header)
     step = float(grid[1] - grid[0])
     azimuth, pitch = _on_grid(grid, travel, azimuth, step), _on_grid(grid, travel, pitch, step)
+    if known:
+        wobble = _wobble(trajectory, travel, apart, grid, np.stack([azimuth * np.cos(pitch), pitch]), header)
     level = np.maximum(np.cos(pitch), 1e-3)
     error = [
         interpolate(grid, travel, trajectory[f"{a}_sigma"].values) if f"{a}_sigma" in trajectory else zero
@@ -144,7 +145,9 @@ def _constants(travel: Floats, apart: Floats, roll: Floats) -> tuple[tuple[float
     return (float(x[0]), float(x[1])), (float(x[2]), float(x[3]))
 
 
-def _wobble(trajectory: xr.Dataset, travel: Floats, apart: Floats, grid: Floats, header: RunHeader) -> list[Wobble]:
+def _wobble(
+    trajectory: xr.Dataset, travel: Floats, apart: Floats, grid: Floats, direction: Floats, header: RunHeader
+) -> list[Wobble]:
     """Wobble to the right and up on the grid, with its sigma and that of its turns (radian)."""
     cell = np.round((travel - travel[0]) / _NODE_M).astype(np.int64)
     n = int(cell[-1]) + 1
@@ -158,11 +161,11 @@ def _wobble(trajectory: xr.Dataset, travel: Floats, apart: Floats, grid: Floats,
     for i in range(2):
         total = np.bincount(cell, np.cumsum(apart[:, i]), minlength=n) / np.maximum(count, 1)
         total = np.where(count > 0, total, np.nan)
-        out.append(_smoothed(total, speed, nodes, grid, header))
+        out.append(_smoothed(total, speed, nodes, grid, direction[i], header))
     return out
 
 
-def _smoothed(total: Floats, speed: Floats, nodes: Floats, grid: Floats, header: RunHeader) -> Wobble:
+def _smoothed(total: Floats, speed: Floats, nodes: Floats, grid: Floats, direction: Floats, header: RunHeader) -> Wobble:
     usual = float(np.median(speed))
     model = fit_wobble(total, _NODE_M, usual, header.imu)
     F, Q, Q_push, P0 = model.discrete(_NODE_M)
@@ -172,7 +175,7 @@ def _smoothed(total: Floats, speed: Floats, nodes: Floats, grid: Floats, header:
     _kernels_path.smooth_integral(total, variance, push, F, Q, Q_push, P0, 1, value, sigma, odd)
     if odd[0]:
         _log.info("%d of %d nodes of the path lie beyond five sigma and carry less weight", odd[0], total.size)
-    turn = model.turn_sigma(TURN_LAGS_M, _NODE_M)
+    turn = turn_sigma(model, TURN_LAGS_M, total, _NODE_M, direction, float(grid[1] - grid[0]))
     return Wobble(np.interp(grid, nodes, value), np.interp(grid, nodes, sigma), turn)
 
 

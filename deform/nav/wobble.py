@@ -19,6 +19,7 @@ Floats = NDArray[Any]
 _STANDARD_GRAVITY = 9.80665
 _PATH_LENGTH_M = 100.0  # over which markers and the cross-track constraint bound an error of the path's direction
 _SEGMENT_M = 256.0  # length of the pieces whose spectra are averaged
+_PIECE_M = 50.0  # the same for the attitude by itself
 _MOST_WEIGHT = 30.0  # values of the periodogram that a band counts for; more of them do not make the model better
 _ORDERS = (1, 2, 3, 4)  # poles of the wobble: how sharply it fades towards short waves
 _DEFAULT = (math.radians(0.2), 10.0, 1e-3)  # wobble (rad), its length (m), shift (m) where a run is too short to tell
@@ -33,9 +34,9 @@ class Wobble:
     turn_sigma: Floats
 
     @classmethod
-    def absent(cls, n: int) -> Wobble:
-        """No knowledge about the wobble: none assumed."""
-        return cls(np.zeros(n), np.zeros(n), np.full(12, math.radians(_DEFAULT[0])))
+    def absent(cls, n: int, lags: int) -> Wobble:
+        """No knowledge about the wobble: zero with the sigma of a usual tool."""
+        return cls(np.zeros(n), np.full(n, _DEFAULT[0]), np.full(lags, math.sqrt(2.0) * _DEFAULT[0]))
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,6 @@ class WobbleModel:
     ride : intensity of the white noise of the path's direction: the tool's shift as it wanders (rad² m).
     path_drive : intensity of the random walk of the path's direction: accelerometer noise over speed (rad²/m).
     turn_drive : random walk of the gyros per metre (rad²/m).
-    quantum : variance of one attitude from the gyros' resolution (rad²).
     """
 
     drive: float
@@ -61,7 +61,6 @@ class WobbleModel:
     ride: float
     path_drive: float
     turn_drive: float
-    quantum: float = 0.0
 
     def wobble_spectrum(self, frequency: Floats) -> Floats:
         """One-sided power spectral density of the wobble (rad² m)."""
@@ -94,19 +93,10 @@ class WobbleModel:
         P0[0, 0] = 100.0 * self.shift_variance
         return F, Q, Q_push, P0
 
-    def turn_sigma(self, lags: Floats, node: float) -> Floats:
-        """Sigma (rad) that the smoother leaves in the turn between two places these lags (m) apart.
-
-        Notes
-        -----
-        The error of a two-sided smoother has the spectrum S_w S_n / (S_w + S_n); a turn over a lag l passes
-        2 (1 - cos 2π f l) of it. The random walk of the gyros and their resolution stand beside.
-        """
-        frequency = np.geomspace(1e-4, 20.0, 4000)
+    def left_spectrum(self, frequency: Floats, node: float) -> Floats:
+        """One-sided spectrum of the error that the smoother leaves in the direction (rad² m): S_w S_n / (S_w + S_n)."""
         wobble, noise = self.wobble_spectrum(frequency), self.noise_spectrum(np.minimum(frequency, 0.5 / node), node)
-        left = wobble * noise / (wobble + noise)
-        passed = 2.0 * (1.0 - np.cos(2.0 * np.pi * frequency * lags[:, None]))
-        return np.sqrt(np.trapezoid(left * passed, frequency, axis=1) + self.turn_drive * lags + 2.0 * self.quantum)
+        return wobble * noise / (wobble + noise)
 
 
 def fit_wobble(total: Floats, node: float, speed: float, imu: ImuHeader) -> WobbleModel:
@@ -124,7 +114,7 @@ def fit_wobble(total: Floats, node: float, speed: float, imu: ImuHeader) -> Wobb
     Averaged periodograms in bands of equal ratio, compared by their logarithms: wobble of 1 to 4 equal poles, plus the shift of
     the tool as white noise and as random walk of the path. The number of poles with the least misfit is taken.
     """
-    path = (imu.accel_random_walk_ug_per_sqrt_hz * 1e-6 * _STANDARD_GRAVITY) ** 2 / max(speed, 0.05) ** 3
+    path = max(imu.accel_random_walk_ug_per_sqrt_hz * 1e-6 * _STANDARD_GRAVITY, 1e-7) ** 2 / max(speed, 0.05) ** 3
     turn = (math.radians(imu.gyro_random_walk_deg_per_sqrt_h) / 60.0) ** 2 / max(speed, 0.05)
     sigma, length, shift = _DEFAULT
     fallback = WobbleModel(2.0 * sigma**2 / length, 1.0 / length, 1, shift**2, 0.0, path, turn)
@@ -138,6 +128,42 @@ def fit_wobble(total: Floats, node: float, speed: float, imu: ImuHeader) -> Wobb
             if misfit < least:
                 best, least = model, misfit
     return best
+
+
+def turn_sigma(model: WobbleModel, lags: Floats, total: Floats, node: float, direction: Floats, step: float) -> Floats:
+    """Return the sigma (rad) of the turn of the pipe between two places these lags (m) apart.
+
+    Parameters
+    ----------
+    model : fitted to ``total``.
+    lags : metre.
+    total, node : as for `fit_wobble`.
+    direction, step : direction of the tool (rad) on the grid of the result, and its step (m).
+
+    Notes
+    -----
+    Where the wobble stands above the noise of the path, the two-sided smoother leaves S_w S_n / (S_w + S_n). Shorter waves of the
+    wobble hide below that noise. Neither the departure of the path nor the attitude itself can hold less than the wobble that
+    is in them, so that the lesser of their spectra is its upper limit, and stands for the error. (Medians over pieces of the
+    line keep bends out; what the straight pipe bends in short waves is counted as error.) A turn over a lag l passes
+    2 (1 - cos 2π f l) of the spectrum; the random walk of the gyros comes on top.
+    """
+    highest = 0.5 / step
+    frequency = np.unique(np.concatenate([np.geomspace(1e-4, highest, 3000), np.linspace(0.01, highest, 3000)]))
+    wobble, noise = model.wobble_spectrum(frequency), model.noise_spectrum(np.minimum(frequency, 0.5 / node), node)
+    left = model.left_spectrum(frequency, node)
+    most = np.full(frequency.size, np.inf)
+    for slopes, spacing, longest, order in ((_slope(total) / node, node, _SEGMENT_M, 0), (np.diff(direction), step, _PIECE_M, 1)):
+        at, power = _median_spectrum(slopes, spacing, longest)
+        if at.size > 4:
+            if order:
+                power = power / (2.0 * np.sin(np.pi * at * spacing)) ** 2
+            inside = frequency <= at[-1]
+            most[inside] = np.minimum(most[inside], np.interp(frequency[inside], at, power))
+    hidden = (wobble < noise) & np.isfinite(most)
+    left[hidden] = np.maximum(left, most)[hidden]
+    passed = 2.0 * (1.0 - np.cos(2.0 * np.pi * frequency * np.asarray(lags)[:, None]))
+    return np.sqrt(np.trapezoid(left * passed, frequency, axis=1) + model.turn_drive * lags)
 
 
 def _fit_order(
@@ -164,11 +190,9 @@ def _fit_order(
 
 def _spectrum(total: Floats, node: float) -> tuple[Floats, Floats, Floats]:
     """Robust averaged spectrum of the departure (rad² m) in bands: frequency, power, number of periodograms' values in it."""
-    known = np.flatnonzero(np.isfinite(total))
-    if known.size < 128:
+    slope = _slope(total) / node
+    if slope.size < 128:
         return np.empty(0), np.empty(0), np.empty(0)
-    filled = np.interp(np.arange(total.size), known, total[known])
-    slope = np.diff(filled) / node
     size = min(round(_SEGMENT_M / node), slope.size)
     frequency, power = welch(slope, fs=1.0 / node, nperseg=size, average="median" if slope.size > 4 * size else "mean")
     pieces = max(1.0, slope.size / size)
@@ -178,6 +202,21 @@ def _spectrum(total: Floats, node: float) -> tuple[Floats, Floats, Floats]:
             for b in (np.flatnonzero(band == i) for i in range(1, edges.size)) if b.size]  # fmt: skip
     table = np.array(rows)
     return table[:, 0], table[:, 1], np.minimum(table[:, 2], _MOST_WEIGHT)
+
+
+def _slope(total: Floats) -> Floats:
+    """Differences of the sum from node to node, gaps bridged."""
+    known = np.flatnonzero(np.isfinite(total))
+    return np.diff(np.interp(np.arange(total.size), known, total[known])) if known.size > 1 else np.empty(0)
+
+
+def _median_spectrum(slopes: Floats, spacing: float, longest: float) -> tuple[Floats, Floats]:
+    """Frequency and median of the periodograms of pieces, without the lowest frequency."""
+    size = min(round(longest / spacing), slopes.size // 2)
+    if size < 16:
+        return np.empty(0), np.empty(0)
+    frequency, power = welch(slopes, fs=1.0 / spacing, nperseg=size, average="median")
+    return frequency[1:], power[1:]
 
 
 def _wobble_spectrum(frequency: Floats, drive: float, rate: float, order: int) -> Floats:
