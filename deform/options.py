@@ -199,6 +199,7 @@ class ToolOptions:
     static_end_s: NotNegative = 300.0
     roll_turns_per_km: NotNegative = 0.3
     wobble_deg: NotNegative = 0.14
+    wobble_length_m: tuple[Positive, Positive] = (12.0, 150.0)  # shortest and longest wavelength
     offset_m: NotNegative = 0.002
     wheels: Annotated[int, Field(ge=1)] = 3
     wheel_lever_m: float = -1.1

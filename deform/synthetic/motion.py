@@ -157,7 +157,7 @@ def _ride(table: Floats, tool: ToolOptions, rng: np.random.Generator) -> None:
     table[:, ROLL] += rng.uniform(-np.pi, np.pi) * (tool.roll_turns_per_km > 0) + roll * s
     table[:, ROLL + 1] += roll
     for column in (YAW, TILT):
-        _waves(table, column, s, np.radians(tool.wobble_deg), (3.0, 60.0), rng)
+        _waves(table, column, s, np.radians(tool.wobble_deg), tool.wobble_length_m, rng)
     for column, rest in ((RIGHT, 0.0), (ABOVE, -1.0)):
         _waves(table, column, s, 0.7 * tool.offset_m, (5.0, 120.0), rng)
         table[:, column] += rest * tool.offset_m
@@ -174,9 +174,9 @@ def _waves(table: Floats, column: int, s: Floats, sigma: float, lengths: tuple[f
 
 
 def _vibration(tool: ToolOptions, rng: np.random.Generator) -> Floats:
-    """Sinusoids of the ride on the wall: velocities of about 0.3 mm/s, angles of about 20 µrad, 6 to 35 Hz."""
+    """Sinusoids of the ride on the wall: velocities of about 0.3 mm/s, angles of about 4 µrad, 6 to 35 Hz."""
     rows = []
-    for component, size in ((0, 3e-4), (1, 2e-4), (2, 4e-4), (3, 2e-5), (4, 2e-5)):
+    for component, size in ((0, 3e-4), (1, 2e-4), (2, 4e-4), (3, 4e-6), (4, 4e-6)):
         for frequency in np.exp(rng.uniform(np.log(6.0), np.log(35.0), 3)):
             phase = rng.uniform(0, 2 * np.pi)
             rows.append((component, size * tool.vibration * rng.uniform(0.5, 1.5), 2 * np.pi * frequency, phase))
