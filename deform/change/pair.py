@@ -130,7 +130,7 @@ class _Search:
             if not (self.has_position or self.curvature):
                 return
             self._fit()
-            self.signals = self._signals(centred=number > 0)
+            self.signals = self._signals()
             if self.model is None:
                 return
             self.waves = scan(self.signals, self.model, self.lengths, self.scan_usable & ~_inside(self.place, self.excluded, 0.0))
@@ -185,19 +185,19 @@ class _Search:
         if self.has_position:
             self.datum = fit_drift(self.place, self.scan_difference, self.scan_axes, stable, self.model)
 
-    def _signals(self, centred: bool) -> Signals:
+    def _signals(self) -> Signals:
+        """Differences for the search; where nothing is known, or a zone is explained already, the drift stands in."""
         difference = self.scan_difference
-        gone = _inside(self.place, self.excluded, 0.0)
-        if centred and self.datum is not None:
-            difference = difference - self.datum.drift
-            difference = np.where((gone | ~np.isfinite(difference).all(axis=1))[:, None], 0.0, difference)
+        if self.datum is not None:
+            gone = _inside(self.place, self.excluded, 0.0) | ~np.isfinite(difference).all(axis=1)
+            difference = np.where((gone & _between(~gone))[:, None], self.datum.drift, difference)
         blank = np.full(self.axis.size, np.nan)
         parts = [self.curvature.get(name) for name in ("horizontal", "vertical")]
         ok = self.usable & ~_inside(self.axis, self.excluded, 0.0)
         change = self._coarse(np.column_stack([np.where(ok, c.change, np.nan) if c else blank for c in parts]))
         sigma = self._coarse(np.column_stack([np.where(ok, c.sigma, np.nan) if c else blank for c in parts]))
         _, right, lift = self.scan_axes
-        return Signals(self.place, difference, right, lift, change, sigma, self.other.gauge_length, centred)
+        return Signals(self.place, difference, right, lift, change, sigma, self.other.gauge_length)
 
     def _take(self, new: list[zones.Candidate]) -> None:
         """Take candidates out of the datum, first wide, then with the extent that the displacement shows without them."""
@@ -255,6 +255,15 @@ def _inside(place: Floats, spans, margin: float) -> Floats:
     for start, end in spans:
         inside |= (place >= start - margin) & (place <= end + margin)
     return inside
+
+
+def _between(known: Floats) -> Floats:
+    """True from the first to the last known place."""
+    out = np.zeros(known.size, bool)
+    at = np.flatnonzero(known)
+    if at.size:
+        out[at[0] : at[-1] + 1] = True
+    return out
 
 
 def _scan_axis(axis: Floats, size: int) -> Floats:

@@ -115,7 +115,6 @@ class Signals:
     curvature : (n, 2) change of horizontal and vertical curvature (1/m), NaN where unknown.
     curvature_sigma : (n, 2) its standard deviation.
     gauge_length : of the curvature (m).
-    centred : true when the drift of the two runs is already out of the difference, so that beyond the ends it is zero.
     """
 
     place: Floats
@@ -125,7 +124,6 @@ class Signals:
     curvature: Floats
     curvature_sigma: Floats
     gauge_length: float
-    centred: bool = False
 
     @property
     def step(self) -> float:
@@ -145,8 +143,9 @@ def scan(signals: Signals, model: DriftModel, lengths: Floats, quiet: Floats) ->
 
     Notes
     -----
-    Position and curvature are combined by their variances. The variance of each is not that of a model: it is the robust spread
-    (1.4826 MAD, widened where few independent places carry it) of the amplitudes themselves over the quiet pipe of this pair.
+    Position and curvature are combined by their variances. No variance is that of a model: each is the robust spread (1.4826
+    MAD) of the amplitudes themselves over the quiet pipe of this pair, and that of the combination is taken from the combination,
+    widened where few independent places carry it: position and curvature come from one inertial unit, and share errors.
     """
     return [_wave(signals, model, float(length), quiet) for length in lengths]
 
@@ -159,26 +158,25 @@ def _wave(signals: Signals, model: DriftModel, length: float, quiet: Floats) -> 
     node = np.empty((count, columns.shape[1]))
     _kernels.block_means(columns, size, node)
     at, still = node[:, 9], node[:, 10] > 0.99
-    position = _from_position(node, model, length, step, signals.centred)
+    position = _from_position(node, model, length, step)
     curvature, weight = _from_curvature(signals, length, size, count)
     free = still & ~_near(~still, round(0.5 * length / step))
-    position_sigma = np.column_stack([np.full(count, _floor(position[:, m], free, length, step)) for m in range(2)])
+    position_sigma = np.column_stack([np.full(count, _spread(position[:, m], free)) for m in range(2)])
     with np.errstate(invalid="ignore", divide="ignore"):
         formal = 1.0 / np.sqrt(weight)
-        factor = [_floor(curvature[:, m] / formal[:, m], free, length, step) for m in range(2)]
-        curvature_sigma = formal * np.where(np.isfinite(factor), np.maximum(factor, 0.3), np.nan)
+        curvature_sigma = formal * [_spread(curvature[:, m] / formal[:, m], free) for m in range(2)]
         known_p, known_c = (
-            np.isfinite(position) & np.isfinite(position_sigma),
-            np.isfinite(curvature) & np.isfinite(curvature_sigma),
+            np.isfinite(a) & np.isfinite(s) for a, s in ((position, position_sigma), (curvature, curvature_sigma))
         )
         wp, wc = np.where(known_p, position_sigma**-2.0, 0.0), np.where(known_c, curvature_sigma**-2.0, 0.0)
         total = wp + wc
         amplitude = (np.where(known_p, position, 0.0) * wp + np.where(known_c, curvature, 0.0) * wc) / total
         sigma = 1.0 / np.sqrt(total)
+        sigma = sigma * [_spread(amplitude[:, m] / sigma[:, m], free) * _widening(free, length, step) for m in range(2)]
     return Waves(length, at, amplitude, sigma, position, position_sigma, curvature, curvature_sigma)
 
 
-def _from_position(node: Floats, model: DriftModel, length: float, step: float, centred: bool) -> Floats:
+def _from_position(node: Floats, model: DriftModel, length: float, step: float) -> Floats:
     """Amplitudes (m, 2) from positions; NaN within 1.5 wavelengths of unknown pipe."""
     out = np.full((len(node), 2), np.nan)
     value = node[:, :3]
@@ -193,8 +191,7 @@ def _from_position(node: Floats, model: DriftModel, length: float, step: float, 
             return out
         found.append(np.column_stack([fftconvolve(filled[:, m], weights[::-1], mode="same") for m in range(3)]))
     half = weights.size // 2
-    if not centred:
-        unknown[:1] = unknown[-1:] = True
+    unknown[:1] = unknown[-1:] = True
     gone = _near(unknown, half)
     right = node[:, 3:6] / np.maximum(np.linalg.norm(node[:, 3:6], axis=1, keepdims=True), 1e-9)
     out[:, 0] = np.einsum("ij,ij->i", found[0], right)
@@ -225,16 +222,20 @@ def _from_curvature(signals: Signals, length: float, size: int, count: int) -> t
     return amplitude, weight
 
 
-def _floor(values: Floats, free: Floats, length: float, step: float) -> float:
-    """Robust spread over quiet pipe, widened for the number of independent places that carry it."""
+def _spread(values: Floats, free: Floats) -> float:
+    """Robust spread about zero over quiet pipe."""
     chosen = values[free & np.isfinite(values)]
     if chosen.size < 4:
         chosen = values[np.isfinite(values)]
     if chosen.size < 4:
         return float("nan")
-    independent = max(chosen.size * step / length, 1.0)
-    spread = max(float(robust_sigma(np.concatenate([chosen, -chosen]))), 1e-12)
-    return spread * (1.0 + 1.2 / np.sqrt(2.0 * independent))
+    return max(float(robust_sigma(np.concatenate([chosen, -chosen]))), 1e-12)
+
+
+def _widening(free: Floats, length: float, step: float) -> float:
+    """Factor on a spread that few independent places carry: about the upper end of its own scatter."""
+    independent = max(float(free.sum()) * step / length, 1.0)
+    return 1.0 + 1.2 / np.sqrt(2.0 * independent)
 
 
 def _near(flag: Floats, reach: int) -> Floats:
