@@ -34,8 +34,8 @@ from typing import Any
 
 _PUBLIC = {
     "run_survey": "deform.survey",
-    "process": "deform.survey",
-    "process_raw": "deform.survey",
+    "process": "deform.processing",
+    "process_raw": "deform.processing",
     "read_survey": "deform.survey_file",
     "read_source": "deform.readers.reader",
     "read_run": "deform.run.store",

@@ -179,8 +179,8 @@ def demo(
         _tell(voice, out)
 
 
-@app.command()
-def process(
+@app.command("process")
+def process_one(
     raw: Annotated[Path, typer.Argument(exists=True, file_okay=False, help="Raw run folder.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Output folder; the run goes to OUT/runs.")] = Path("out"),
     options: OptionsFile = None,
@@ -190,11 +190,11 @@ def process(
 ) -> None:
     """Navigate and measure one raw run."""
     with _speaking(quiet, as_json) as voice:
-        import deform.survey as stages
+        from deform.processing import control_points, process
         from deform.run import store
 
-        points = stages.control_points(control)
-        tree = stages.process(raw, _options_of(out, options), control=points, progress=voice.tick("process"))
+        points = control_points(control)
+        tree = process(raw, _options_of(out, options), control=points, progress=voice.tick("process"))
         path = store.write_run(tree, out / "runs" / f"{tree.attrs['id']}.nc")
         voice.say(f"run: {path}", run=path)
 

@@ -17,8 +17,8 @@ import xarray as xr
 import deform.options as _options
 from deform.errors import Fault, InputError, MissingExtraError
 from deform.ledger import Ledger, Progress, StageRecord, key_of, silent
-from deform.run import build, history, store
-from deform.run.raw import RawRun
+from deform.processing import control_points, process
+from deform.run import history, store
 from deform.survey_file import SURFACE_FORMATS, RunEntry, Survey, read_survey
 
 _log = logging.getLogger(__name__)
@@ -79,87 +79,6 @@ def process_runs(survey: Survey, ledger: Ledger, workers: int = 1) -> dict[str, 
     details = {s["id"]: ledger.stages[f"process {s['id']}"].detail for s in sources}
     ledger.header["runs"] = [{"id": s["id"], "inputs": s["inputs"], **details[s["id"]]} for s in sources]
     return keys
-
-
-def process(
-    entry: RunEntry | Path | str,
-    options: _options.Options | None = None,
-    *,
-    control: xr.Dataset | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> xr.DataTree:
-    """Return the run of one source: a raw run folder is navigated and measured, a listing is read.
-
-    Examples
-    --------
-    >>> run = process("demo-2019")  # doctest: +SKIP
-    """
-    from deform.readers.reader import read_source
-
-    options = options or _options.Options()
-    if not isinstance(entry, RunEntry):
-        entry = RunEntry(raw=str(entry))
-    if entry.tally:
-        return read_source(Path(entry.tally), columns=entry.columns, run_id=entry.id, date=entry.date)
-    raw = read_source(Path(entry.raw or ""), run_id=entry.id, date=entry.date)
-    if not isinstance(raw, RawRun):
-        return raw
-    return process_raw(raw, options, control=control, progress=progress)
-
-
-def process_raw(
-    raw: RawRun,
-    options: _options.Options,
-    *,
-    control: xr.Dataset | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> xr.DataTree:
-    """Return the run of a raw run: navigation, caliper, centreline, bending and dent strain, in this order."""
-    from deform.caliper.measure import measure, on_chainage
-    from deform.nav.navigate import navigate
-    from deform.nav.trajectory import centreline
-    from deform.strain.bending import add_bending
-    from deform.strain.dent import add_dent_strain
-
-    tick = progress or (lambda fraction: None)
-    pipe = raw.header.pipe
-    navigation = navigate(raw, options.navigation, control=control, progress=lambda f: tick(0.6 * f))
-    caliper = measure(raw, navigation.trajectory, options.caliper, progress=lambda f: tick(0.6 + 0.3 * f))
-    line = centreline(navigation, raw.header, options.navigation, pose=caliper.pose)
-    line = add_bending(line, outside_diameter=pipe.outside_diameter_m, options=options.strain)
-    dents = caliper.dents
-    if caliper.wall is not None:
-        line = line.assign(on_chainage(caliper, line["chainage"].values))
-    if dents is not None:
-        sizes = {"outside_diameter": pipe.outside_diameter_m, "wall_thickness": pipe.nominal_wall_m}
-        dents = add_dent_strain(dents, caliper.wall, **sizes)
-    tick(1.0)
-    return build.run_tree(
-        _run_attrs(raw),
-        centreline=line,
-        welds=caliper.welds,
-        caliper=caliper.wall,
-        dents=dents,
-        markers=navigation.markers,
-        features=caliper.features,
-        navigation=navigation.diagnostics,
-    )
-
-
-def _run_attrs(raw: RawRun) -> dict[str, Any]:
-    header = raw.header
-    return {
-        "id": header.id,
-        "line": header.run.line,
-        "date": header.run.date.isoformat(),
-        "direction": header.run.direction,
-        "source": "raw",
-        "outside_diameter_m": header.pipe.outside_diameter_m,
-        "nominal_wall_m": header.pipe.nominal_wall_m,
-        "nominal_joint_m": header.pipe.nominal_joint_m,
-        "input_sha256": "\n".join(f"{digest}  {name}" for name, digest in sorted(raw.hashes.items())),
-        "repairs": "\n".join(raw.repairs),
-    }
 
 
 def _process_one(survey: Survey, run_id: str, entry: RunEntry, record: StageRecord, tick: Callable[[float], None]) -> None:
@@ -237,15 +156,6 @@ def _check_ids(sources: list[dict[str, Any]]) -> None:
         raise InputError(Fault("survey", "runs", f"{', '.join(twice)} given more than once; every run needs an id of its own"))
 
 
-def control_points(path: Path | None) -> xr.Dataset | None:
-    """Surveyed control points of a file, or None without one."""
-    if path is None:
-        return None
-    from deform.readers.control import read_control
-
-    return read_control(path)
-
-
 # ---- stage: the runs meet --------------------------------------------------------------------------
 
 
@@ -282,7 +192,7 @@ def compare(runs: list[xr.DataTree], matching: Any, options: _options.Options, f
     from deform.change.trend import trends
 
     comparison = difference(runs, matching, options.change, progress=progress)
-    for remark in comparison.remarks:
+    for remark in dict.fromkeys(comparison.remarks):
         _log.warning("%s", remark)
     written = [store.write_dataset(comparison.dataset, folder / "comparison.nc", "comparison")]
     tables = {"zones": comparison.zones, "dents": comparison.dents, "joints": comparison.joints}
@@ -340,13 +250,34 @@ def export(survey: Survey, ledger: Ledger, key: str) -> None:
     reports = tuple(f for f in wanted if f not in SURFACE_FORMATS)
     if reports:
         with ledger.stage("report", key) as record:
-            from deform.report import write_report
+            ledger.outputs(record, _write_reports(survey, ledger, reports))
 
-            ledger.write()  # the report shows what the ledger holds
-            written = write_report(
-                survey.folder, formats=reports, options=survey.options.report, progress=ledger.ticker("report")
+
+def _write_reports(survey: Survey, ledger: Ledger, formats: tuple[str, ...]) -> list[Path]:
+    """Write one format after the other: what one of them cannot show must not cost the others. The page comes last."""
+    from deform.report import write_report
+
+    written: list[Path] = []
+    for number, name in enumerate(sorted(formats, key="html".__eq__)):
+        ledger.write()  # the reports show what the ledger holds
+        try:
+            files = write_report(
+                survey.folder,
+                formats=(name,),
+                options=survey.options.report,
+                progress=_part(ledger.ticker("report"), number, len(formats)),
             )
-            ledger.outputs(record, _flat(written))
+        except InputError as fault:
+            ledger.missing[name] = str(fault)
+            _log.warning("output %s is not written: %s", name, fault)
+        else:
+            written += _flat(files)
+    return written
+
+
+def _part(tick: Callable[[float], None], number: int, parts: int) -> Callable[[float], None]:
+    """Progress of one of several equal parts of a stage."""
+    return lambda fraction: tick((number + fraction) / parts)
 
 
 def _flat(written: Any) -> list[Path]:

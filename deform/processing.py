@@ -1,0 +1,102 @@
+"""One source in, one run out: a raw run folder is navigated and measured, a listing is read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from deform.options import Options
+from deform.run import build
+from deform.run.raw import RawRun
+from deform.survey_file import RunEntry
+
+
+def process(
+    entry: RunEntry | Path | str,
+    options: Options | None = None,
+    *,
+    control: xr.Dataset | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> xr.DataTree:
+    """Return the run of one source: a raw run folder is navigated and measured, a listing is read.
+
+    Examples
+    --------
+    >>> run = process("demo-2019")  # doctest: +SKIP
+    """
+    from deform.readers.reader import read_source
+
+    options = options or Options()
+    if not isinstance(entry, RunEntry):
+        entry = RunEntry(raw=str(entry))
+    source = read_source(Path(entry.raw or entry.tally or ""), columns=entry.columns, run_id=entry.id, date=entry.date)
+    if isinstance(source, RawRun):
+        return process_raw(source, options, control=control, progress=progress)
+    return source
+
+
+def process_raw(
+    raw: RawRun,
+    options: Options,
+    *,
+    control: xr.Dataset | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> xr.DataTree:
+    """Return the run of a raw run: navigation, caliper, centreline, bending and dent strain, in this order."""
+    from deform.caliper.measure import measure, on_chainage
+    from deform.nav.navigate import navigate
+    from deform.nav.trajectory import centreline
+    from deform.strain.bending import add_bending
+    from deform.strain.dent import add_dent_strain
+
+    tick = progress or (lambda fraction: None)
+    pipe = raw.header.pipe
+    navigation = navigate(raw, options.navigation, control=control, progress=lambda f: tick(0.6 * f))
+    caliper = measure(raw, navigation.trajectory, options.caliper, progress=lambda f: tick(0.6 + 0.3 * f))
+    line = centreline(navigation, raw.header, options.navigation, pose=caliper.pose)
+    line = add_bending(line, outside_diameter=pipe.outside_diameter_m, options=options.strain)
+    dents = caliper.dents
+    if caliper.wall is not None:
+        line = line.assign(on_chainage(caliper, line["chainage"].values))
+    if dents is not None:
+        size, wall = pipe.outside_diameter_m, pipe.nominal_wall_m
+        dents = add_dent_strain(dents, caliper.wall, outside_diameter=size, wall_thickness=wall, options=options.dent_strain)
+    tick(1.0)
+    return build.run_tree(
+        _run_attrs(raw),
+        centreline=line,
+        welds=caliper.welds,
+        caliper=caliper.wall,
+        dents=dents,
+        markers=navigation.markers,
+        features=caliper.features,
+        navigation=navigation.diagnostics,
+    )
+
+
+def _run_attrs(raw: RawRun) -> dict[str, Any]:
+    header = raw.header
+    return {
+        "id": header.id,
+        "line": header.run.line,
+        "date": header.run.date.isoformat(),
+        "direction": header.run.direction,
+        "source": "raw",
+        "outside_diameter_m": header.pipe.outside_diameter_m,
+        "nominal_wall_m": header.pipe.nominal_wall_m,
+        "nominal_joint_m": header.pipe.nominal_joint_m,
+        "input_sha256": "\n".join(f"{digest}  {name}" for name, digest in sorted(raw.hashes.items())),
+        "repairs": "\n".join(raw.repairs),
+    }
+
+
+def control_points(path: Path | None) -> xr.Dataset | None:
+    """Surveyed control points of a file, or None without one."""
+    if path is None:
+        return None
+    from deform.readers.control import read_control
+
+    return read_control(path)
