@@ -42,7 +42,8 @@ def main() -> None:
         EllipseModel().estimate(np.stack([x[i], z[i]], axis=1))
     other = (time.process_time() - start) / some * 1e6
     print(
-        f"scikit-image         {other:8.3f} s for 1e6 sections: {other / direct:.0f} times the direct fit, {other / full:.0f} times the full"
+        print(f"scikit-image         {other:8.3f} s for 1e6 sections")
+        print(f"that is {other / direct:.0f} times the direct fit, {other / full:.0f} times the full adjustment")
     )
 
 
