@@ -133,7 +133,7 @@ def test_mounting_that_rolls_with_the_tool_is_found():
 
 def test_hard_bends_leave_no_trace_in_the_direction():
     _, error, away = found(wobble_deg=1e-4, shift=1e-5, path_noise=0.0)
-    assert np.abs(error[0]).max() < 0.5  # at its ends the turning rate jumps: the mean over a step of 0.1 m rounds that by 36 * 0.1 / 8
+    assert np.abs(error[0]).max() < 0.5  # the mean over a step of 0.1 m rounds the ends of the bend by 36 * 0.1 / 8
     assert np.std(error[0][away]) < 0.002
 
 
