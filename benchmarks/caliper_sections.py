@@ -41,10 +41,8 @@ def main() -> None:
     for i in range(some):
         EllipseModel().estimate(np.stack([x[i], z[i]], axis=1))
     other = (time.process_time() - start) / some * 1e6
-    print(
-        print(f"scikit-image         {other:8.3f} s for 1e6 sections")
-        print(f"that is {other / direct:.0f} times the direct fit, {other / full:.0f} times the full adjustment")
-    )
+    print(f"scikit-image         {other:8.3f} s for 1e6 sections")
+    print(f"that is {other / direct:.0f} times the direct fit, {other / full:.0f} times the full adjustment")
 
 
 if __name__ == "__main__":
