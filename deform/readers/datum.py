@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from deform.readers.findings import Findings
@@ -32,12 +34,16 @@ def to_wgs84(
         )
         return nothing, nothing, nothing
     target = "EPSG:4979"
-    group = TransformerGroup(source, target, always_xy=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        group = TransformerGroup(source, target, always_xy=True)
     if not group.best_available:
         missing = ", ".join(g.short_name for op in group.unavailable_operations[:1] for g in op.grids if not g.available)
         rule = f"the most exact transformation from {source.name} needs the grid {missing or '(unknown)'}"
         findings.repair("", "crs", f"{rule}, which is not installed; the next best is used")
-    transformer = Transformer.from_crs(source, target, always_xy=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of the missing grid, which was said above
+        transformer = Transformer.from_crs(source, target, always_xy=True)
     tall = np.isfinite(z)
     longitude, latitude, height = transformer.transform(x, y, np.where(tall, z, 0.0))
     good = np.isfinite(x) & np.isfinite(y) & np.isfinite(longitude) & np.isfinite(latitude)
