@@ -40,7 +40,7 @@ def tube_triangles(rows: int, around: int, *, outward: bool, first: int = 0) -> 
     b = (r * around + (c + 1) % around).ravel() + first
     below, other = a + around, b + around
     triangles = np.concatenate([np.stack([a, below, b], 1), np.stack([b, below, other], 1)])
-    return triangles[:, ::-1] if outward else triangles
+    return triangles if outward else triangles[:, ::-1]
 
 
 def rim_triangles(inner: np.ndarray, outer: np.ndarray, *, downstream: bool) -> np.ndarray:

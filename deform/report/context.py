@@ -136,6 +136,7 @@ def zone_rows(content: Content, options: ReportOptions) -> list[dict[str, Any]]:
                 "confidence_value": zone.confidence,
                 "reasons": zone.reasons,
                 "trend": trend_sentence(trends[trends.subject == zone.zone_id]),
+                "sure_trend": trend_sentence(trends[trends.subject == zone.zone_id], sure=True),
                 "rank_given": ranks.get(zone.zone_id),
             }
         )
@@ -150,16 +151,18 @@ def percent(probability: float) -> str:
     return f"{100 * probability:.0f} %" if probability < 0.99 else f"{100 * probability:.1f} %"
 
 
-def trend_sentence(rows: pd.DataFrame) -> str:
-    """Return the trends of one zone or dent in words: each rate, and when it reaches its limit if that is likely."""
+def trend_sentence(rows: pd.DataFrame, *, sure: bool = False) -> str:
+    """Return the trends of one zone or dent in words; with ``sure`` only the rates that carry no reservation."""
     parts = []
     for row in records(rows.drop_duplicates("kind")):
-        if pd.isna(row.rate_per_year):
+        if pd.isna(row.rate_per_year) or (sure and row.remark):
             continue
         text = f"{row.kind} {rate(row.kind, row.rate_per_year, row.rate_sigma_per_year)}"
-        if row.forecast_date and not pd.isna(row.forecast_probability) and row.forecast_probability >= 0.5:
-            sure = percent(row.forecast_probability)
-            text += f", {quantity(row.kind, row.limit_value)} about {str(row.forecast_date)[:7]} ({sure})"
+        if row.remark:
+            text = f"{row.kind}: {row.remark}"
+        elif row.forecast_date and not pd.isna(row.forecast_probability) and row.forecast_probability >= 0.5:
+            likely = percent(row.forecast_probability)
+            text += f", {quantity(row.kind, row.limit_value)} about {str(row.forecast_date)[:7]} ({likely})"
         parts.append(text)
     return "; ".join(parts)
 
@@ -183,7 +186,7 @@ def trend_rows(content: Content) -> list[dict[str, str]]:
     """Return the table of trends for people."""
     rows = []
     for row in records(content.tables["trends"].sort_values("rank", na_position="last")):
-        low_high = " … ".join(rate(row.kind, v) for v in (row.rate_low_per_year, row.rate_high_per_year))
+        low_high = " to ".join(rate(row.kind, v) for v in (row.rate_low_per_year, row.rate_high_per_year))
         rows.append(
             {
                 "rank": NOTHING if pd.isna(row.rank) else str(int(row.rank)),
@@ -191,12 +194,13 @@ def trend_rows(content: Content) -> list[dict[str, str]]:
                 "kind": row.kind,
                 "epochs": NOTHING if pd.isna(row.n_epochs) else str(int(row.n_epochs)),
                 "rate": rate(row.kind, row.rate_per_year, row.rate_sigma_per_year),
+                "rate_value": row.rate_per_year,
                 "interval": low_high if not pd.isna(row.rate_low_per_year) else NOTHING,
                 "last": quantity(row.kind, row.last_value),
                 "limit": quantity(row.kind, row.limit_value),
                 "limit_name": row.limit_name,
                 "forecast": row.forecast_date or "not within the horizon",
-                "probability": NOTHING if pd.isna(row.forecast_probability) else percent(row.forecast_probability),
+                "probability": "" if pd.isna(row.forecast_probability) else f"probability {percent(row.forecast_probability)}",
                 "remark": row.remark,
             }
         )
@@ -205,17 +209,19 @@ def trend_rows(content: Content) -> list[dict[str, str]]:
 
 def dent_rows(content: Content) -> list[dict[str, Any]]:
     """Return one entry per dent with its sizes in every run; grown and new dents first, then by depth."""
-    table, order = content.tables["dents"], {name: i for i, name in enumerate(content.ids)}
-    diameter = content.outside_diameter
+    order = {name: i for i, name in enumerate(content.ids)}
+    diameter, trends = content.outside_diameter, dict(list(content.tables["trends"].groupby("subject")))
+    groups: dict[str, list[Any]] = {}
+    for row in sorted(records(content.tables["dents"]), key=lambda r: order.get(r.run, -1)):
+        groups.setdefault(str(row.dent_id), []).append(row)
     rows = []
-    for dent_id, group in table.groupby("dent_id", sort=False):
-        group = group.assign(place=group.run.map(order)).sort_values("place")
-        last = group.iloc[-1]
-        epochs = [_dent_epoch(row, diameter) for row in records(group)]
-        depth = float(group.depth_m.max()) if group.depth_m.notna().any() else np.nan
+    for dent_id, group in groups.items():
+        last = group[-1]
+        epochs = [_dent_epoch(row, diameter) for row in group]
+        depth = max((float(row.depth_m) for row in group if np.isfinite(row.depth_m)), default=np.nan)
         rows.append(
             {
-                "id": str(dent_id),
+                "id": dent_id,
                 "status": str(last.status),
                 "statuses": ", ".join(e["status"] for e in epochs),
                 "chainage": float(last.reference_chainage_m),
@@ -233,7 +239,7 @@ def dent_rows(content: Content) -> list[dict[str, Any]]:
                 "change_value": last.depth_change_m,
                 "reason": last.reason,
                 "epochs": epochs,
-                "trend": trend_sentence(content.tables["trends"][content.tables["trends"].subject == dent_id]),
+                "trend": trend_sentence(trends[dent_id]) if dent_id in trends else "",
             }
         )
     urgency = {"grown": 0, "new": 1, "rerounded": 2}
@@ -275,7 +281,7 @@ def verdict(content: Content, zones: list[dict], dents: list[dict]) -> list[str]
     if moved:
         said.append(f"{_count(len(moved), 'zone')} moved or bent significantly {span}.")
         said += _peaks(moved)
-        said += [f"{z['id']} goes on: {z['trend']}." for z in moved[:3] if z["trend"]]
+        said += [f"{z['id']} goes on: {z['sure_trend']}." for z in moved[:3] if z["sure_trend"]]
     elif content.comparison is not None:
         said.append(f"No zone moved or bent significantly {span}; the detection limits say what could have been seen.")
     else:

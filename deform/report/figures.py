@@ -120,7 +120,7 @@ def _section(ax, window: xr.Dataset) -> None:
 
 def _whole_hours(at: float) -> np.ndarray:
     """Return the offsets (degree, within a half turn) from a clock angle at which every second hour stands."""
-    hours = np.arange(0, 720, 60) - at
+    hours = np.arange(-360, 721, 60) - at
     return np.sort(hours[(hours > -170) & (hours < 170)])
 
 

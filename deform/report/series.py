@@ -18,7 +18,7 @@ def pack(x: np.ndarray, y: np.ndarray, most_points: int) -> dict[str, Any]:
     ----------
     x : rising places (n,), metre.
     y : values (n,), NaN in gaps.
-    most_points : longer curves are thinned to about this number by MinMaxLTTB, which keeps the extremes of every stretch.
+    most_points : longer curves are thinned to about this number: the least and the greatest value of every stretch.
 
     Returns
     -------
@@ -48,14 +48,14 @@ def thinned(x: np.ndarray, y: np.ndarray, most_points: int) -> np.ndarray:
     """Return rising indices of at most about ``most_points`` points: extremes of every stretch, ends, and one per gap."""
     if y.size <= most_points:
         return np.arange(y.size)
-    from tsdownsample import MinMaxLTTBDownsampler  # imported when needed: it is compiled code
+    from tsdownsample import MinMaxDownsampler  # imported when needed: it is compiled code
 
     valid = np.flatnonzero(np.isfinite(y))
     if valid.size == 0:
         return np.array([0, y.size - 1])
     chosen = valid
     if valid.size > most_points:
-        picked = MinMaxLTTBDownsampler().downsample(x[valid].copy(), y[valid].copy(), n_out=most_points - most_points % 2)
+        picked = MinMaxDownsampler().downsample(x[valid].copy(), y[valid].copy(), n_out=most_points - most_points % 2)
         chosen = valid[picked.astype(int)]
     extremes = [valid[np.argmin(y[valid])], valid[np.argmax(y[valid])]]
     gaps = np.flatnonzero(~np.isfinite(y[1:]) & np.isfinite(y[:-1])) + 1

@@ -22,14 +22,17 @@
     panels.forEach((panel, k) => {
       const axis = "y" + (k + 1 > 1 ? k + 1 : "");
       const band = [...panel.series].reverse().find((s) => s.curve.limit && !hidden.has(s.run));
+      const curves = panel.series.map((s) => s.curve.view(view[0], view[1], columns));
       if (band) {
+        const most = 1.1 * Math.max(...curves.map((c) => c.y.reduce((m, v) => Math.max(m, Math.abs(v || 0)), 0)), 1e-9);
         const upper = Curves.view(band.curve.limit, view[0], view[1], columns);
+        upper.y = upper.y.map((v) => (v === null ? null : Math.min(v, most)));
         const common = { yaxis: axis, mode: "lines", line: { width: 0 }, hoverinfo: "skip", showlegend: false };
         list.push({ ...common, x: upper.x, y: upper.y });
         list.push({ ...common, x: upper.x, y: upper.y.map((v) => (v === null ? null : -v)), fill: "tonexty", fillcolor: css("--quiet") + "33" });
       }
-      panel.series.forEach((s) => {
-        const shown = s.curve.view(view[0], view[1], columns);
+      panel.series.forEach((s, j) => {
+        const shown = curves[j];
         list.push({
           ...shown, yaxis: axis, name: safe(s.run), visible: !hidden.has(s.run), showlegend: false,
           mode: panel.points ? "markers" : "lines", marker: { color: colour(s.i), size: 4, symbol: s.i }, line: { color: colour(s.i), width: 1.3, dash: DASH[s.i % 8] },
