@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deform.change.joint_change import elongation
 from deform.change.pair import PairChange
-from deform.change.zones import Candidate
+from deform.change.zones import TESTS_PER_WAVELENGTH, Candidate
 from deform.options import ChangeOptions
 from deform.run import build
 
@@ -96,7 +96,7 @@ def _row(group: _Group, pairs, axis, joints, outside_diameter, options) -> dict 
     curved = strain >= max(options.least_strain_change, options.k_sigma * strain_sigma)
     if not (moved or curved):
         return None
-    looks = 4.0 * (axis[-1] - axis[0]) * sum(1.0 / w.length for w in pairs[at].waves)
+    looks = TESTS_PER_WAVELENGTH * (axis[-1] - axis[0]) * sum(1.0 / w.length for w in pairs[at].waves)
     _, best = group.best
     row = {
         "kind": "movement" if moved else "bending",

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from deform.change.wavelength import Waves
 
 Floats = NDArray[Any]
-_TESTS_PER_WAVELENGTH = 4.0  # independent looks per wavelength of pipe and per scale; held by the false-alarm study
+TESTS_PER_WAVELENGTH = 6.0  # independent looks per wavelength of pipe and per scale; held by the false-alarm study
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,10 @@ def threshold(lengths: Floats, false_alarms_per_100_km: float) -> float:
 
     Notes
     -----
-    The chance of one look is the rate over the number of independent looks in 100 km, four per wavelength and scale (Bonferroni);
+    The chance of one look is the rate over the number of independent looks in 100 km, six per wavelength and scale (Bonferroni);
     lateral and up together are chi-square with two degrees of freedom.
     """
-    looks = float(np.sum(_TESTS_PER_WAVELENGTH * 1e5 / np.asarray(lengths)))
+    looks = float(np.sum(TESTS_PER_WAVELENGTH * 1e5 / np.asarray(lengths)))
     return float(chi2.isf(false_alarms_per_100_km / looks, 2))
 
 

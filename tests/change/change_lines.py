@@ -10,6 +10,7 @@ import pandas as pd
 import xarray as xr
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+from scipy.signal import lfilter
 
 from deform.geometry.earth import enu_shift, radii
 from deform.geometry.resample import box_average, interpolate
@@ -68,6 +69,8 @@ class Errors:
     attitude_deg: float = 0.02
     curvature_microstrain: float = 28.0
     weld_m: float = 0.008
+    heading_deg: float = 0.0
+    heading_length_m: float = 100.0
 
 
 DEMO_TOOL = Errors()
@@ -78,6 +81,22 @@ def coloured(rng, n, step, length, sigma):
     width = max(length / step / 2.0, 1e-3)
     noise = gaussian_filter1d(rng.standard_normal(n + 8 * int(width) + 8), width)[: n + 0]
     return sigma * noise / max(noise.std(), 1e-12) if width > 0.3 else sigma * rng.standard_normal(n)
+
+
+def _walked(rng, n, step, errors):
+    """A heading error (rad) of a correlation length, as wobble leaves it, and the place error (m) it makes, held by the
+    markers."""
+    if not errors.heading_deg > 0:
+        return np.zeros(n), np.zeros(n)
+    keep = np.exp(-step / errors.heading_length_m)
+    shock = rng.standard_normal(n) * np.sqrt(1.0 - keep**2)
+    shock[0] = rng.standard_normal()
+    heading = np.radians(errors.heading_deg) * lfilter([1.0], [1.0, -keep], shock)
+    heading = gaussian_filter1d(heading, 3.0 / step)
+    place = np.cumsum(heading) * step
+    s = np.arange(n) * step
+    knots = np.unique(np.r_[np.arange(0, n, max(round(errors.marker_every_m / step), 1)), n - 1])
+    return heading, place - (CubicSpline(s[knots], place[knots])(s) if knots.size > 3 else np.interp(s, s[knots], place[knots]))
 
 
 def bump(s, centre, length, amplitude):
@@ -149,12 +168,18 @@ def make_run(line: Line, run_id: str, date: str, *, seed: int, errors=DEMO_TOOL,
         + coloured(rng, n, step, errors.position_length_m, errors.position_m)
         for _ in range(3)
     ]
+    slow = [_walked(rng, n, step, errors) for _ in range(2)]
+    psi = np.radians(line.azimuth)
+    error[0] += slow[0][1] * np.cos(psi)
+    error[1] -= slow[0][1] * np.sin(psi)
+    error[2] += slow[1][1]
     latitude, longitude, height = enu_shift(line.latitude, line.longitude, line.height, *error)
     values = {"chainage": s, "latitude": latitude, "longitude": longitude, "height": height}
     values |= {f"{name}_sigma": np.full(n, errors.marker_m) for name in ("east", "north", "up")}
     values |= {"speed": 1.1 + 0.2 * np.sin(s / 300.0), "time": 600.0 + s / 1.1}
-    theta = np.radians(line.pitch)
-    turn_h = np.concatenate([[0.0], np.cumsum(np.cos(theta[1:]) * np.diff(np.radians(line.azimuth)))])
+    theta = np.radians(line.pitch) + slow[1][0]
+    azimuth = line.azimuth + np.degrees(slow[0][0])
+    turn_h = np.concatenate([[0.0], np.cumsum(np.cos(theta[1:]) * np.diff(np.radians(azimuth)))])
     noise = errors.curvature_microstrain * 1e-6 * 2.0 / od
     for name, turned in (("horizontal", turn_h), ("vertical", theta)):
         mean = np.full(n, np.nan)
@@ -165,8 +190,8 @@ def make_run(line: Line, run_id: str, date: str, *, seed: int, errors=DEMO_TOOL,
         sigma = np.full(n, noise)
         values |= {f"curvature_{name}": mean, f"curvature_{name}_sigma": sigma}
         values |= {f"bending_strain_{name}": mean * od / 2, f"bending_strain_{name}_sigma": sigma * od / 2}
-    values["azimuth"] = (line.azimuth + coloured(rng, n, step, 3.0, errors.attitude_deg)) % 360.0
-    values["pitch"] = line.pitch + coloured(rng, n, step, 3.0, errors.attitude_deg)
+    values["azimuth"] = (azimuth + coloured(rng, n, step, 3.0, errors.attitude_deg)) % 360.0
+    values["pitch"] = np.degrees(theta) + coloured(rng, n, step, 3.0, errors.attitude_deg)
     values |= {"azimuth_sigma": np.full(n, errors.attitude_deg), "pitch_sigma": np.full(n, errors.attitude_deg)}
     centreline = build.dataset("centreline", values)
     for name in ("curvature_horizontal", "curvature_vertical", "bending_strain_horizontal", "bending_strain_vertical"):
