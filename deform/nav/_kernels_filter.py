@@ -1,4 +1,4 @@
-"""Numba kernels of the filter and the smoother over epochs: table, aids and first state in, states with covariance out (SI, radian)."""
+"""Numba kernels of filter and smoother over epochs: table, aids and first state in, states with covariance out (SI, radian)."""
 
 from __future__ import annotations
 
@@ -46,6 +46,8 @@ B_GYRO_BIAS, B_ACCEL_BIAS, B_GYRO_SCALE, B_ACCEL_SCALE, B_MOUNTING, B_SCALE, B_D
     9,
 )
 
+SUMS = {"reassoc", "contract", "nsz"}  # sums may be taken in another order, nothing else: NaN and infinity keep their rules
+PARAMETERS_EVERY = 10  # bounds between two sigmas of the instruments' parameters; in between the last one holds
 MOST_SCALARS = 12  # scalar measurements at one epoch: 3 of travel, 3 of each of up to three marks
 
 
@@ -69,9 +71,9 @@ def block3_cross(F, r, c, f0, f1, f2, base, factor):
 
 @njit(cache=True, error_model="numpy")
 def transition(row, x, at, F, J, D):
-    """Fill F (9, n): rows of the transition of position, velocity, attitude; J (3, n): derivative of the odometer's displacement.
+    """Fill F (9, n), rows of the transition of position, velocity, attitude, and J (3, n), derivative of the odometer's displacement.
 
-    ``row`` is corrected for the state's biases, ``D`` the odometer's displacement (east, north, up). `travel_parameters` adds to J.
+    ``row`` is corrected for the state's biases, ``D`` the odometer's displacement (east, north, up); `travel_parameters` adds to J.
     """
     F[:, :] = 0.0
     J[:, :] = 0.0
@@ -164,7 +166,7 @@ def odometer_step(row, x, axes, speed_change, tilt, D):
     D[2] = d2 + late * axes[0, 2] + aside * axes[1, 2] + rise * axes[2, 2]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
 def scalar_update(P, dx, H, z, R, gate, K):
     """One scalar measurement z = H dx + noise, in Joseph's form; beyond ``gate`` sigma its variance grows with the innovation.
 
@@ -234,7 +236,7 @@ def feed_back(x, dx, at):
         x[TILT + 1] += dx[at[B_TILT] + 1]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
 def predict(P, F, decay, Q, W):
     """P becomes Φ P Φ' + diag(Q), Φ with rows F for the navigated states and the diagonal ``decay`` for the others."""
     n = P.shape[0]
@@ -334,13 +336,13 @@ def process(row, at, walk, travel_walk, tau, steady, unknown, reckoned, R, axes,
 
 @njit(cache=True, error_model="numpy")
 def forward(first, last, table, speeds, tilts, R, mark_epoch, mark_place, mark_R, mark_late, x, P, at, reckoned, gate,
-            walk, travel_walk, tau, reach, steady, unknown, keep, xs, Ps, counts, Hs, Ks, news, residuals, mark_news, score):  # fmt: skip
-    """Filter the bounds ``first`` ... ``last``; x and P are the state before the measurements of the first, and are led on behind the last.
+            walk, travel_walk, tau, reach, steady, unknown, keep, xs, Ps, counts, Hs, Ks, news, residuals, mark_news, score, turned):  # fmt: skip
+    """Filter the bounds ``first`` ... ``last``; x and P, the state before the measurements of the first, are led on behind the last.
 
     With ``keep`` the state and covariance behind the measurements of each bound, and the measurements, are kept in the buffers
     (index from ``first`` on). ``residuals`` (epoch, 3) takes the innovations of the travel along, right, up and ``news``
     (.., 0) innovation (.., 1) variance used (.., 2) variance expected. ``score`` (3,) gathers the log-likelihood of the travel's
-    innovations along, right, up, those beyond the gate counted at the gate.
+    innovations along, right, up, those beyond the gate counted at the gate; ``turned`` (bound, 9), when it has rows, the attitudes.
     """
     n = P.shape[0]
     F, J, W, D = np.empty((NAVIGATED, n)), np.empty((3, n)), np.empty((NAVIGATED, n)), np.empty(3)
@@ -403,6 +405,8 @@ def forward(first, last, table, speeds, tilts, R, mark_epoch, mark_place, mark_R
                     news[b, used, 0], news[b, used, 1], news[b, used, 2] = innovation, s, expected
                 used += 1
         feed_back(x, dx, at)
+        if turned.shape[0] > 0:
+            turned[k] = x[MATRIX : MATRIX + 9]
         if keep:
             xs[b] = x
             Ps[b] = P
@@ -470,7 +474,7 @@ def follow(x, place, v, C, D, decay, at, reckoned):
         x[SCALE] *= decay[at[B_SCALE]]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
 def adjoint_measure(adjoint, information, H, K, innovation, s, g):
     """Take one scalar measurement back: adjoint (n) and information (n, n) before it from those behind it."""
     n = adjoint.size
@@ -493,7 +497,7 @@ def adjoint_measure(adjoint, information, H, K, innovation, s, g):
             information[j, i] = information[i, j]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
 def adjoint_lead(adjoint, information, F, decay, U, a):
     """Take one epoch's transition back: adjoint becomes Φ' adjoint, information Φ' information Φ."""
     n = adjoint.size
@@ -524,7 +528,24 @@ def adjoint_lead(adjoint, information, F, decay, U, a):
             information[i, j] = information[j, i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
+def smoothed_sigma(P, information, wanted, g, sigma):
+    """Fill sigma of the first ``wanted`` states: root of the diagonal of P - P information P."""
+    n = P.shape[0]
+    for i in range(wanted):
+        loss = 0.0
+        for j in range(n):
+            g[j] = 0.0
+        for m in range(n):
+            p = P[i, m]
+            for j in range(n):
+                g[j] += p * information[m, j]
+        for j in range(n):
+            loss += g[j] * P[i, j]
+        sigma[i] = math.sqrt(max(P[i, i] - loss, 0.0))
+
+
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
 def backward(first, last, table, speeds, tilts, R, at, reckoned, walk, travel_walk, tau, reach, steady, unknown,
              xs, Ps, counts, Hs, Ks, news, adjoint, information, smooth, sigma):  # fmt: skip
     """Smooth the bounds ``first`` ... ``last`` from the buffers of `forward`; adjoint and information come from bound ``last``'s right.
@@ -535,7 +556,7 @@ def backward(first, last, table, speeds, tilts, R, at, reckoned, walk, travel_wa
     n = adjoint.size
     F, J, D, axes, row = np.empty((NAVIGATED, n)), np.empty((3, n)), np.empty(3), np.empty((3, 3)), np.empty(COLUMNS)
     decay, Q, dx, a = np.ones(n), np.zeros(n), np.empty(n), np.empty(n)
-    U, M = np.empty((n, n)), np.empty((n, n))
+    U, g = np.empty((n, n)), np.empty(n)
     for k in range(last, first - 1, -1):
         b = k - first
         x, P = xs[b], Ps[b]
@@ -553,17 +574,9 @@ def backward(first, last, table, speeds, tilts, R, at, reckoned, walk, travel_wa
             for j in range(n):
                 total -= P[i, j] * adjoint[j]
             dx[i] = total
-        for i in range(n):
-            for j in range(n):
-                M[i, j] = 0.0
-            for l in range(n):
-                p = P[i, l]
-                for j in range(n):
-                    M[i, j] += p * information[l, j]
-            loss = 0.0
-            for j in range(n):
-                loss += M[i, j] * P[j, i]
-            sigma[k, i] = math.sqrt(max(P[i, i] - loss, 0.0))
+        smoothed_sigma(P, information, n if k % PARAMETERS_EVERY == 0 or k >= table.shape[0] else NAVIGATED, g, sigma[k])
+        if k < table.shape[0] and k % PARAMETERS_EVERY != 0:
+            sigma[k, NAVIGATED:] = sigma[k + 1, NAVIGATED:]
         smooth[k] = x
         feed_back(smooth[k], dx, at)
         for j in range(counts[b] - 1, -1, -1):

@@ -67,6 +67,10 @@ class MarkAid:
     late: Floats
     weight: Floats
 
+    def only(self, keep: NDArray[np.bool_]) -> MarkAid:
+        """Return the marks that a mask keeps."""
+        return MarkAid(*(getattr(self, name)[keep] for name in ("index", "epoch", "place", "variance", "late", "weight")))
+
     def weighted(self, weight: Floats) -> MarkAid:
         """Return the same marks with other weights."""
         return replace(self, weight=weight)

@@ -12,13 +12,16 @@ from numpy.typing import NDArray
 from deform.errors import Fault, InputError
 from deform.geometry import earth
 from deform.geometry.rotation import matrix_to_attitude
-from deform.nav import _kernels
+from deform.nav import _kernels, _kernels_alignment
 from deform.nav.aiding import TravelAid
 from deform.nav.strapdown import Counts, Epochs
 from deform.run.raw import ImuHeader, RunHeader
 
 Floats = NDArray[np.float64]
 log = logging.getLogger(__name__)
+
+LEAST_REST_S = 45.0
+MOTION_S = 900.0
 
 
 @dataclass(frozen=True)
@@ -138,11 +141,74 @@ def _axis_fault(rate: Floats, up: Floats, expected: float, doubt: float, vertica
     return Fault("imu.nc", "gyro_count", said, "check gyro_pulse_rad, sensor_to_body and the latitude of the launch")
 
 
+def alignment_in_motion(epochs: Epochs, speeds: Floats, latitude_deg: float, height: float, imu: ImuHeader) -> Alignment:
+    """Return the attitude at the first bound from epochs in which the tool may move along its axis.
+
+    Parameters
+    ----------
+    epochs : the stretch to align on; some minutes, for the earth's turn must show.
+    speeds : (epoch + 1,) m/s at the bounds.
+
+    Notes
+    -----
+    With B the gyros' turn since the start and N that of the local level frame (earth and transport rate), the equation of motion
+    integrates to C (B v - v0 - ∫ B f + ∫ ω_ie × v) = ∫ N g: the unknown first attitude C turns one known vector into another
+    at every epoch. Their rotation by all of them is Wahba's problem, solved by singular values; what the earth turned gravity
+    by in the meantime carries the azimuth, and is its sigma: drift / Ω cos φ, and the white errors of the vectors over that turn.
+    Earth-rate and transport terms need C and are iterated.
+
+    References
+    ----------
+    Li et al. (2012), eq. 1 to 23 (the odometer in the place of the Doppler log; 23 is singular for equal directions, all vectors
+    are used instead); Markley (1988), J. Astronaut. Sci. 36, 245-258.
+
+    Raises
+    ------
+    InputError
+        When the stretch is too short for gravity to have turned.
+    """
+    n = len(epochs.table)
+    alpha, beta, span = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+    attitude = np.eye(3)
+    latitude = math.radians(latitude_deg)
+    for _ in range(4):
+        _kernels_alignment.inertial_vectors(epochs.table, speeds, (0.0, 1.0, 0.0), attitude, latitude, height, alpha, beta, span)
+        attitude = wahba(alpha[span > 1.0], beta[span > 1.0])
+    turned = earth.EARTH_RATE * math.cos(latitude) * span[-1]
+    if turned < 1e-3:
+        rule = f"lasts {span[-1]:.1f} s; gravity turns by {math.degrees(turned):.4f} degree in it, too little for an azimuth"
+        raise InputError(Fault("imu.nc", "time", rule, "give the alignment a minute of data at least"))
+    drift = math.radians(imu.gyro_bias_deg_per_h) / 3600.0 / (earth.EARTH_RATE * math.cos(latitude))
+    walk = math.radians(imu.gyro_random_walk_deg_per_sqrt_h) / 60.0 * math.sqrt(span[-1]) / turned
+    rest = np.linalg.norm(alpha @ attitude.T - beta, axis=1)[span > 1.0] / np.linalg.norm(beta, axis=1)[span > 1.0]
+    tilt = math.hypot(math.hypot(imu.accel_bias_ug, imu.accel_scale_ppm) * 1e-6, float(np.median(rest)))
+    azimuth = math.sqrt(drift**2 + 3.0 * walk**2 + (float(np.median(rest)) / turned) ** 2 + (tilt * math.tan(latitude)) ** 2)
+    result = Alignment(attitude, float(epochs.time[0]), np.array([tilt, tilt, azimuth]), "in motion",
+                       (float(epochs.time[0]), float(epochs.time[-1])))  # fmt: skip
+    log.info("alignment in motion over %.0f s: azimuth %.3f, pitch %.3f, roll %.3f degree, azimuth sigma %.3f degree",
+             span[-1], *result.angles, math.degrees(azimuth))  # fmt: skip
+    return result
+
+
+def wahba(alpha: Floats, beta: Floats) -> Floats:
+    """Return the rotation C that brings the vectors alpha (n, 3) nearest to beta (n, 3), C alpha = beta."""
+    u, _, v = np.linalg.svd(beta.T @ alpha)
+    return u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(v)]) @ v
+
+
 def align(counts: Counts, epochs: Epochs, travel: TravelAid, header: RunHeader) -> Alignment:
-    """Return the attitude at the first bound, by the way that the data allow."""
-    moving = np.flatnonzero(~travel.stationary)
-    end = int(epochs.bounds[moving[0]]) if moving.size else int(epochs.bounds[-1])
+    """Return the attitude at the first bound, by the way that the data allow: at rest, else in motion; logged."""
     launch = header.launch
-    if header.launch.static_s > 0:
-        end = min(end, int(np.searchsorted(counts.time, counts.time[0] + launch.static_s)))
-    return static_alignment(counts, 0, end, launch.latitude_deg, launch.height_m, header.imu)
+    moving = np.flatnonzero(~travel.stationary)
+    end = int(moving[0]) if moving.size else len(epochs.table)
+    seconds = float(epochs.time[end] - epochs.time[0])
+    if seconds >= LEAST_REST_S:
+        last = int(epochs.bounds[end])
+        return static_alignment(counts, 0, last, launch.latitude_deg, launch.height_m, header.imu)
+    if launch.static_s >= LEAST_REST_S:
+        log.warning(
+            "run.toml says a rest of %.0f s at the launch, the wheels and the inertial unit say %.0f s", launch.static_s, seconds
+        )
+    last = min(int(np.searchsorted(epochs.time, epochs.time[0] + MOTION_S)), len(epochs.table))
+    part = Epochs(epochs.bounds[: last + 1], epochs.time[: last + 1], epochs.table[:last])
+    return alignment_in_motion(part, travel.speeds[: last + 1], launch.latitude_deg, launch.height_m, header.imu)

@@ -198,5 +198,5 @@ def assemble(name: str, blocks: Sequence[Block], reckoned: bool, header: RunHead
         if block.name == "wobble":  # sigma of its slope along the pipe
             variance[first + 2 : first + 4] = steady[first + 2 : first + 4] = (block.sigma / block.correlation_m) ** 2
         first += block.size
-    unknown = np.array([math.radians(2.0) ** 2, 0.3**2, (3.0 * imu.gyro_scale_ppm * 1e-6) ** 2])
+    unknown = np.array([math.radians(2.0) ** 2, 0.1**2, (3.0 * imu.gyro_scale_ppm * 1e-6) ** 2])
     return ErrorModel(name, tuple(blocks), reckoned, at, variance, walk, travel_walk, tau, reach, steady, unknown)

@@ -14,6 +14,7 @@ from deform.nav.strapdown import Epochs
 
 Floats = NDArray[np.float64]
 BLOCK_EPOCHS = 512
+NO_PATH = np.empty((0, 9))
 GATE = 4.0
 
 
@@ -104,15 +105,15 @@ def blocks(n_bounds: int) -> list[tuple[int, int]]:
 
 
 def run_block(problem: Problem, first: int, last: int, x: Floats, P: Floats, keep: bool, buffers: Buffers, residuals: Floats,
-              mark_news: Floats, score: Floats) -> None:  # fmt: skip
+              mark_news: Floats, score: Floats, turned: Floats = NO_PATH) -> None:  # fmt: skip
     """Filter one block; x and P are led on, the buffers filled when ``keep``, the log-likelihood added to ``score`` (3,)."""
     marks, model = problem.marks, problem.model
     kernels.forward(first, last, *problem.arguments(), marks.epoch, marks.place, marks.used_variance, marks.late, x, P, model.at,
-                    model.reckoned, GATE, *model.arguments, keep, *buffers.arguments, residuals, mark_news, score)  # fmt: skip
+                    model.reckoned, GATE, *model.arguments, keep, *buffers.arguments, residuals, mark_news, score, turned)  # fmt: skip
 
 
-def run_forward(problem: Problem) -> Filtered:
-    """Filter all epochs, keeping a state per block only.
+def run_forward(problem: Problem, turned: Floats = NO_PATH) -> Filtered:
+    """Filter all epochs, keeping a state per block only; ``turned`` (bound, 9), when given, takes the attitudes.
 
     Notes
     -----
@@ -130,5 +131,5 @@ def run_forward(problem: Problem) -> Filtered:
     checkpoints, score = [], np.zeros(3)
     for first, last in blocks(n_bounds):
         checkpoints.append((x.copy(), P.copy()))
-        run_block(problem, first, last, x, P, False, buffers, residuals, mark_news, score)
+        run_block(problem, first, last, x, P, False, buffers, residuals, mark_news, score, turned)
     return Filtered(tuple(checkpoints), residuals, mark_news, x, P, score)

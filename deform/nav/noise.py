@@ -71,20 +71,18 @@ def apply(problem: Problem, wobble: Floats, along: float) -> Problem:
 
 
 def stretch(problem: Problem) -> Problem | None:
-    """Return the first `LEARNING_EPOCHS` epochs in motion with the rest before them, or None when there are too few."""
+    """Return the first `LEARNING_EPOCHS` epochs in motion with the rest before them, without marks; None when there are too few."""
     moving = np.flatnonzero(~problem.travel.stationary)
     if moving.size < LEAST_EPOCHS:
         return None
     end = int(moving[min(LEARNING_EPOCHS, moving.size) - 1]) + 1
     epochs, travel, marks = problem.epochs, problem.travel, problem.marks
-    inside = marks.epoch < end
     return replace(
         problem,
         epochs=Epochs(epochs.bounds[: end + 1], epochs.time[: end + 1], epochs.table[:end]),
         travel=replace(travel, speeds=travel.speeds[: end + 1], variance=travel.variance[:end], stationary=travel.stationary[:end],
                        along_shape=travel.along_shape[:end], travel=travel.travel[:end], tilt=travel.tilt[:end]),
-        marks=replace(marks, index=marks.index[inside], epoch=marks.epoch[inside], place=marks.place[inside],
-                      variance=marks.variance[inside], late=marks.late[inside], weight=marks.weight[inside]),
+        marks=marks.only(np.zeros(marks.epoch.size, bool)),
     )  # fmt: skip
 
 

@@ -21,9 +21,9 @@ Floats = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 CONTRADICTED = 4.5  # misclosure without the mark over its sigma beyond which a mark is gross
-UNTIL_LEARNED = 12.0  # the same before the noise is learned
 NO_WEIGHT = 1e-8
-RESTART_RAD = math.radians(0.5)
+COARSE_RAD = math.radians(3.0)  # first attitude so uncertain that the filter is started anew from what the smoother makes of it
+RESTART_RAD, MOST_RESTARTS = math.radians(0.3), 4
 
 
 @dataclass(frozen=True)
@@ -62,20 +62,12 @@ def solve(problem: Problem, arms: tuple[Floats, Floats] | None = None) -> Soluti
     worst one beyond the limit loses its weight and everything is solved anew, so that one bad mark does not condemn its
     neighbours.
     """
-    filtered, smoothed = _pass(problem)
-    turned = kernels.turn_between(problem.start.state, smoothed.states[0])
-    if turned > RESTART_RAD:
-        log.info("first attitude moved by %.2f degree: filtered anew from there", math.degrees(turned))
-        problem = _restarted(problem, smoothed)
-        filtered, smoothed = _pass(problem)
-    problem, filtered, smoothed = _without_gross(problem, filtered, smoothed, UNTIL_LEARNED)
+    if float(np.max(problem.start.variance[6:9])) > COARSE_RAD**2:
+        problem = _restarted(problem)
     if arms is not None:
-        attitudes = smoothed.states[:, 6:15].reshape(-1, 3, 3)
-        tilt = tilt_per_epoch(problem.epochs, attitudes, *arms, problem.travel.stationary)
-        problem = replace(problem, travel=replace(problem.travel, tilt=tilt))
+        problem = _with_tilt(problem, *arms)
     problem = learn(problem)
-    filtered, smoothed = _pass(problem)
-    problem, filtered, smoothed = _without_gross(problem, filtered, smoothed, CONTRADICTED)
+    problem, filtered, smoothed = _without_gross(problem, *_pass(problem))
     return Solution(problem, filtered, smoothed, *misclosures(problem.marks, smoothed))
 
 
@@ -104,12 +96,12 @@ def _pass(problem: Problem) -> tuple[Filtered, Smoothed]:
     return filtered, smooth(problem, filtered)
 
 
-def _without_gross(problem: Problem, filtered: Filtered, smoothed: Smoothed, limit: float) -> tuple[Problem, Filtered, Smoothed]:
+def _without_gross(problem: Problem, filtered: Filtered, smoothed: Smoothed) -> tuple[Problem, Filtered, Smoothed]:
     for _ in range(problem.marks.epoch.size):
         left_out, sigma, _closed = misclosures(problem.marks, smoothed)
         size = np.max(np.abs(left_out) / sigma, axis=1, initial=0.0) * (problem.marks.weight > 0.5)
         worst = int(np.argmax(size)) if size.size else -1
-        if worst < 0 or size[worst] < limit or (problem.marks.weight > 0.5).sum() < 3:
+        if worst < 0 or size[worst] < CONTRADICTED or (problem.marks.weight > 0.5).sum() < 3:
             break
         weight = problem.marks.weight.copy()
         weight[worst] = NO_WEIGHT
@@ -118,7 +110,23 @@ def _without_gross(problem: Problem, filtered: Filtered, smoothed: Smoothed, lim
     return problem, filtered, smoothed
 
 
-def _restarted(problem: Problem, smoothed: Smoothed) -> Problem:
-    state = problem.start.state.copy()
-    state[6:15] = smoothed.states[0, 6:15]
-    return replace(problem, start=replace(problem.start, state=state))
+def _restarted(problem: Problem) -> Problem:
+    """Start from the smoothed first attitude, until it stands."""
+    for _ in range(MOST_RESTARTS):
+        smoothed = _pass(problem)[1]
+        turned = kernels.turn_between(problem.start.state, smoothed.states[0])
+        state = problem.start.state.copy()
+        state[6:15] = smoothed.states[0, 6:15]
+        problem = replace(problem, start=replace(problem.start, state=state))
+        log.info("first attitude moved by %.2f degree: filtered anew from there", math.degrees(turned))
+        if turned < RESTART_RAD:
+            break
+    return problem
+
+
+def _with_tilt(problem: Problem, time: Floats, slope: Floats) -> Problem:
+    """Give the aid the direction of the pipe by the arms, turned level with the attitudes of a forward pass."""
+    turned = np.empty((problem.epochs.bounds.size, 9))
+    run_forward(problem, turned)
+    tilt = tilt_per_epoch(problem.epochs, turned.reshape(-1, 3, 3), time, slope, problem.travel.stationary)
+    return replace(problem, travel=replace(problem.travel, tilt=tilt))
