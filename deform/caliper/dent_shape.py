@@ -9,7 +9,9 @@ a smooth shape is fitted to every reading that does:
     u(s, w) = depth * exp(-ln 10 * (|2 s / length|^p + |2 w / width|^q)),
 
 so that length and width are the full extents at a tenth of the depth; p and q, the fullness along and around, are unknowns
-with a wide prior (2 is a bell, larger is fuller).
+(2 is a bell, larger is fuller). Along the pipe the scans are dense and p is well determined; around it the arms may be few, so q
+is held near p by a prior: what pressed a dent is as blunt one way as the other. A wide prior of width over length keeps the
+solution finite where one arm alone saw the dent; the depth then has the large sigma that it deserves.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from scipy.optimize import least_squares
 from deform.caliper.cross_section import ScanLog, harmonic_basis, scan_ranges
 from deform.caliper.scans import ScanReader
 
-_FULLNESS, _FULLNESS_SIGMA = 2.2, 0.4
+_FULLNESS, _FULLNESS_SIGMA, _FULLNESS_ALIKE = 2.2, 0.8, 0.4
+_ASPECT, _ASPECT_SIGMA = -0.2, 0.8  # log of width over length: real dents run from a third to six
 _LN10 = np.log(10.0)
 
 
@@ -201,7 +204,8 @@ def _solve(along: np.ndarray, around: np.ndarray, inward: np.ndarray, guess: np.
     scale = 1.0 / sigma
 
     def misfit(x):
-        prior = [(x[5] - _FULLNESS) / _FULLNESS_SIGMA, (x[6] - _FULLNESS) / _FULLNESS_SIGMA]
+        aspect = (np.log(x[4] / x[3]) - _ASPECT) / _ASPECT_SIGMA
+        prior = [(x[5] - _FULLNESS) / _FULLNESS_SIGMA, (x[6] - x[5]) / _FULLNESS_ALIKE, aspect]
         return np.concatenate([(shape(x, along, around) - inward) * scale, prior])
 
     low = [0.0, along.min(), around.min(), 0.02, 0.02, 1.0, 1.0]
@@ -219,7 +223,7 @@ def _solve(along: np.ndarray, around: np.ndarray, inward: np.ndarray, guess: np.
 def _result(solution, clock: float, mean_radius: float, sigma: float) -> DentFit:
     x, jacobian = solution.x, solution.jac
     covariance = np.linalg.pinv(jacobian.T @ jacobian)
-    rows = len(solution.fun) - 2
+    rows = len(solution.fun) - 3
     misfit = float(np.sqrt(np.mean(solution.fun[:rows] ** 2)))
     said = np.sqrt(np.diag(covariance)) * max(1.0, misfit)
     return DentFit(
@@ -229,7 +233,7 @@ def _result(solution, clock: float, mean_radius: float, sigma: float) -> DentFit
         length=float(x[3]),
         width=float(x[4]),
         clock_sigma=float(said[2] / mean_radius),
-        depth_sigma=float(np.hypot(said[0], 0.3 * sigma)),
+        depth_sigma=float(min(np.hypot(said[0], 0.3 * sigma), 0.6 * x[0])),
         length_sigma=float(said[3]),
         width_sigma=float(said[4]),
         mean_radius=mean_radius,

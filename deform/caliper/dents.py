@@ -15,7 +15,7 @@ from deform.run import build
 
 logger = logging.getLogger(__name__)
 
-_CANDIDATE_SHARE = 0.35  # of the least depth asked for: an apex between two arms shows less than its depth
+_CANDIDATE_SHARE = 0.2  # of the least depth asked for: an apex between two arms shows less than its depth
 _CANDIDATE_SIGMA = 2.2  # of one reading, after the running mean; the largest of all arms rarely exceeds it by chance
 _GAP_M = 0.08  # a candidate may be interrupted this long
 _LEAST_SCANS = 3
@@ -92,11 +92,19 @@ def measure_dents(
     for candidate in found:
         samples = gather(reader, logs, candidate.start, candidate.end, _FLANK_M)
         fit = fit_dent(samples, candidate.centre, candidate.clock, candidate.depth, sigma) if samples is not None else None
-        if fit is None or fit.depth < 0.5 * least_depth or fit.depth < 4.0 * fit.depth_sigma:
+        if fit is None or fit.depth < 0.5 * least_depth or not _real(fit, samples):
             continue
         if not any(abs(f.centre - fit.centre) < _SAME_M and abs(_wrap(f.clock - fit.clock)) < _SAME_RAD for f in fits):
             fits.append(fit)
     return dataset(fits, least_depth), fits
+
+
+def _real(fit: DentFit, samples: DentSamples | None) -> bool:
+    """A dent is a few scans long at least and does not fill the window in which it was fitted."""
+    if samples is None:
+        return False
+    pitch = float(np.median(np.abs(np.diff(samples.place))))
+    return fit.length > 2.5 * pitch and fit.length < 0.9 * float(np.ptp(samples.place))
 
 
 def dataset(fits: list[DentFit], least_depth: float) -> xr.Dataset:

@@ -14,7 +14,7 @@ from deform.caliper.cross_section import ScanLog, SectionFitter, log_scans
 from deform.caliper.dents import candidates, measure_dents
 from deform.caliper.scans import ScanBlock, ScanReader
 from deform.caliper.tool_pose import pose
-from deform.caliper.wall import WallMap, detail_maps, wall_dataset
+from deform.caliper.wall import WallMap, detail_maps, relieve, wall_dataset
 from deform.caliper.weld_channels import accelerometer_channel, arms_channel, detector_channel
 from deform.caliper.welds import weld_log
 from deform.options import CaliperOptions
@@ -80,10 +80,11 @@ def measure(
     fitters = [SectionFitter(angle, sigma, options.largest_lost_arms) for angle in reader.angle_rad]
     coarse, logs = _log_and_map(reader, fitters, options, tell)
     diameter = raw.header.pipe.outside_diameter_m
-    section = ovality.sections(logs, diameter, options.wall_step_m, options.section_window_m, options.ovality_definition)
-    tool = pose(reader, logs)
     least = options.least_dent_depth_od * diameter
     dents, fits = measure_dents(reader, logs, candidates(logs, sigma, least), sigma, diameter, least)
+    relieve(reader, logs, fitters, fits)
+    section = ovality.sections(logs, diameter, options.wall_step_m, options.section_window_m, options.ovality_definition)
+    tool = pose(reader, logs)
     spans = np.array([(f.centre - 0.6 * f.length, f.centre + 0.6 * f.length) for f in fits]).reshape(-1, 2)
     tell(0.85)
     arms = [c.without(spans) for c in (arms_channel(log) for log in logs) if c is not None]

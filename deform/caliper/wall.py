@@ -85,6 +85,21 @@ def detail_maps(
     return maps
 
 
+def relieve(reader: ScanReader, logs: list[ScanLog], fitters: list[SectionFitter], fits: list[DentFit]) -> None:
+    """Fit the scans across each dent again with its shape taken off, so that it sits neither in the ovality nor in the offset."""
+    for fit in fits:
+        for ring, (log, fitter) in enumerate(zip(logs, fitters, strict=True)):
+            for first, last in scan_ranges(log, fit.centre - fit.length, fit.centre + fit.length):
+                block = reader.read(ring, first, last)
+                near = [f for f in fits if abs(f.centre - fit.centre) < fit.length + f.length]
+                clock = reader.sign * (reader.angle_rad[ring][None, :] + block.roll[:, None])
+                harmonics, _, spread, used = fitter.fit(block.radius + relief(near, block.chainage[:, None], clock))
+                values = (*to_pipe_clock(harmonics, block.roll, reader.sign), spread, used)
+                names = ("radius", "right", "up", "oval_cos", "oval_sin", "spread", "used")
+                for name, value in zip(names, values, strict=True):
+                    getattr(log, name)[first:last] = value
+
+
 def relief(fits: list[DentFit], place: np.ndarray, clock: np.ndarray) -> np.ndarray | float:
     """Sum of the fitted dents (m, positive inward) at places (m) and clocks (rad)."""
     total: np.ndarray | float = 0.0
