@@ -19,11 +19,11 @@ _CHAINAGE = "reference chainage (m), rising downstream"
 
 
 def plan(ds: xr.Dataset, zones: list[dict]) -> Figure:
-    """Return the plan with true proportions, kilometre posts and zones; ``east``, ``north`` (chainage) in metre."""
+    """Return the plan with true proportions, kilometre posts, zones and north; ``along``, ``across`` (chainage) in metre."""
     with rc_context(MATPLOTLIB):
-        east, north, s = ds["east"].values, ds["north"].values, ds["chainage"].values
+        east, north, s = ds["along"].values, ds["across"].values, ds["chainage"].values
         spans = [float(np.nanmax(v) - np.nanmin(v)) for v in (east, north)]
-        figure = Figure(figsize=(_WIDE, float(np.clip(_WIDE * (spans[1] + 1) / (spans[0] + 1), 2.6, 6.0))))
+        figure = Figure(figsize=(_WIDE, float(np.clip(_WIDE * (spans[1] + 1) / (spans[0] + 1) + 0.6, 2.0, 6.0))))
         ax = figure.add_subplot()
         step = max(s.size // 4000, 1)
         ax.plot(east[::step], north[::step], color=INK, linewidth=1.0)
@@ -39,7 +39,11 @@ def plan(ds: xr.Dataset, zones: list[dict]) -> Figure:
             ax.plot(east[i], north[i], marker="|", color=INK, markersize=7)
             ax.annotate(f"{post / 1000:.0f} km", (east[i], north[i]), xytext=(6, -10), textcoords="offset points", fontsize=7)
         ax.set_aspect("equal", adjustable="datalim")
-        ax.set(xlabel="east (m)", ylabel="north (m)", title="Plan, north up")
+        turn = ds.attrs.get("turn_deg", 90.0)
+        ax.set(xlabel=f"along {turn % 360:.0f}° (m)", ylabel="across (m)", title="Plan")
+        tip = np.array([np.cos(np.radians(turn)), np.sin(np.radians(turn))])
+        arrow = {"arrowstyle": "<-", "color": INK}
+        ax.annotate("N", (0.95, 0.85), xytext=28 * tip, xycoords="axes fraction", textcoords="offset points", arrowprops=arrow)
     return figure
 
 
@@ -198,7 +202,7 @@ def trend(ds: xr.Dataset) -> Figure:
         limit = ds.attrs["limit_value"]
         if np.isfinite(limit) and limit < 4 * max(abs(values).max(), 1e-9):
             ax.axhline(limit, color="#b3261e", linestyle=":", linewidth=1)
-            ax.annotate(ds.attrs["limit_name"], (years[0], limit), fontsize=7, va="bottom")
+            ax.annotate(str(ds.attrs["limit_name"]).split(" (")[0], (years[0], limit), fontsize=7, va="bottom", in_layout=False)
         ax.set(title=f"{ds.attrs['subject']}: {ds.attrs['kind']}", ylabel=f"{ds.attrs['kind']} ({unit})", xlabel="year")
         ax.ticklabel_format(axis="x", useOffset=False, style="plain")
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))

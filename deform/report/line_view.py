@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from deform.report.content import Content
-from deform.report.interactive import local_metres, on_reference
+from deform.report.interactive import local_metres, on_reference, turned
 
 _OF_RUN = ("height", "bending_strain", "curvature_horizontal", "curvature_vertical", "azimuth", "pitch", "tool_roll")
 _OF_CHANGE = (
@@ -27,7 +27,8 @@ _OF_CHANGE = (
 def line_dataset(content: Content) -> xr.Dataset | None:
     """Return profile, strain, curvature and changes with sigma, each (run, chainage); None without a centreline.
 
-    ``east`` and ``north`` (chainage) are metres from the middle of the reference run; coordinate ``run`` has ``date`` beside it.
+    ``along`` and ``across`` (chainage) are metres in the plan, turned so that the line runs to the right; attribute ``turn_deg``
+    is the azimuth of the right.
     """
     reference = content.group(content.reference, "centreline")
     if reference is None:
@@ -44,7 +45,10 @@ def line_dataset(content: Content) -> xr.Dataset | None:
         latitude, longitude = reference["latitude"].values, reference["longitude"].values
         origin = float(np.nanmean(latitude)), float(np.nanmean(longitude))
         east, north = local_metres(latitude, longitude, origin)
-        ds["east"], ds["north"] = ("chainage", east), ("chainage", north)
+        good = np.isfinite(east)
+        along, across = np.full(s.size, np.nan), np.full(s.size, np.nan)
+        along[good], across[good], ds.attrs["turn_deg"] = turned(east[good], north[good])
+        ds["along"], ds["across"] = ("chainage", along), ("chainage", across)
     return _with_changes(ds, content, s)
 
 
@@ -136,4 +140,4 @@ def _zone_values(content: Content, subject: str, kind: str) -> tuple[np.ndarray,
 
 def _year(date: str) -> float:
     stamp = pd.Timestamp(date)
-    return stamp.year + (stamp.dayofyear - 1) / 365.25
+    return stamp.year + (stamp.day_of_year - 1) / 365.25

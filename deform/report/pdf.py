@@ -93,7 +93,7 @@ def picture(figure: Figure) -> str:
 
 
 def _overview(ds: Any, zones: list[dict], content: Content) -> list[tuple[str, str]]:
-    pictures = [("Plan of the reference run with its zones.", picture(line_figures.plan(ds, zones)))] if "east" in ds else []
+    pictures = [("Plan of the reference run with its zones.", picture(line_figures.plan(ds, zones)))] if "along" in ds else []
     if any(name in ds for name, *_ in _OVERVIEW):
         text = "Profile and total bending strain of every run; peaks are kept."
         pictures.append((text, picture(line_figures.strips(ds, _OVERVIEW, zones))))
