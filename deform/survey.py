@@ -192,8 +192,6 @@ def compare(runs: list[xr.DataTree], matching: Any, options: _options.Options, f
     from deform.change.trend import trends
 
     comparison = difference(runs, matching, options.change, progress=progress)
-    for remark in dict.fromkeys(comparison.remarks):
-        _log.warning("%s", remark)
     written = [store.write_dataset(comparison.dataset, folder / "comparison.nc", "comparison")]
     tables = {"zones": comparison.zones, "dents": comparison.dents, "joints": comparison.joints}
     tables["trends"] = trends(comparison, options.trend)
