@@ -88,11 +88,11 @@ def write_markers(path: Path, markers: pd.DataFrame) -> None:
 
 
 def write_table(path: Path, table: pd.DataFrame, digits: Mapping[str, int] | None = None) -> None:
-    """Write a CSV file; numbers with the digits given for their column, else with ten significant ones; NaN is empty."""
+    """Write a CSV file; numbers with the digits given for their column, else with twelve significant ones; NaN is empty."""
     out = table.copy()
     for column in out.columns:
         if out[column].dtype.kind == "f":
-            form = f"{{:.{digits[column]}f}}" if digits and column in digits else "{:.10g}"
+            form = f"{{:.{digits[column]}f}}" if digits and column in digits else "{:.12g}"
             out[column] = [form.format(v) if np.isfinite(v) else "" for v in out[column]]
     out.to_csv(path, index=False, lineterminator="\n")
 

@@ -72,7 +72,7 @@ class Motion:
             before = self.distance(middle)[0] < where
             low, high = np.where(before, middle, low), np.where(before, high, middle)
         first, last = self.distance([self.begin, self.end])[0]
-        return np.where((where >= first) & (where <= last), high, np.nan)
+        return np.where((where >= first - 1e-6) & (where <= last + 1e-6), high, np.nan)
 
     def states(self, times: ArrayLike) -> Floats:
         """Return (n, 16) at times, in radian, metre, m/s.
@@ -132,7 +132,9 @@ def _speed(length: float, tool: ToolOptions, rng: np.random.Generator) -> tuple[
         amplitude = tool.speed_variation * tool.speed_m_per_s * rng.uniform(0.3, 0.7)
         speed += amplitude * np.sin(2 * np.pi * (x / period + rng.random()))
     speed = np.maximum(speed, 0.3 * tool.speed_m_per_s)
-    gate = _rise(x / RAMP_S) * _rise((end - knots) / RAMP_S)
+    gate = _rise((end - knots) / RAMP_S)
+    if tool.static_start_s > 0:  # else the tool is already moving when its clock starts
+        gate *= _rise(x / RAMP_S)
     late = 0.0
     for at, pause in zip(stops, dwell, strict=True):
         at, late = at + late, late + pause + 2 * STOP_S

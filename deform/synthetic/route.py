@@ -72,7 +72,8 @@ class Line:
 
     def of_material(self, material: ArrayLike) -> Floats:
         """Return the chainage of material given by its chainage as built."""
-        return np.interp(np.asarray(material, float), self.material, self.chainage)
+        step = 1 if self.material[-1] > self.material[0] else -1  # falling in a reversed line
+        return np.interp(np.asarray(material, float), self.material[::step], self.chainage[::step])
 
     def reversed(self) -> Line:
         """Return the line as it lies before a tool that runs upstream: chainage from the far end, headings turned round."""
@@ -88,7 +89,8 @@ class Line:
         joints["ovality_clock"] = -joints.ovality_clock
         beads = self.joints.bead_m.to_numpy()
         joints["bead_m"] = np.append(beads[1:], 0.0)[::-1]
-        return replace(self, table=table, joints=joints.reset_index(drop=True), replaced=self.replaced[::-1])
+        joints = joints.reset_index(drop=True)
+        return replace(self, table=table, material=self.material[::-1], replaced=self.replaced[::-1], joints=joints)
 
 
 def stream(seed: int, *names: object) -> np.random.Generator:
@@ -228,9 +230,9 @@ def _followed(where: Floats, options: RouteOptions) -> Floats:
     fine = np.arange(0.0, max(where[-1], corner[-1]) + 1.0)
     x, y = np.interp(fine, corner, np.append(0.0, np.cumsum(east))), np.interp(fine, corner, np.append(0.0, np.cumsum(north)))
     azimuth = np.unwrap(np.arctan2(np.diff(x, append=2 * x[-1] - x[-2]), np.diff(y, append=2 * y[-1] - y[-2])))
-    width = min(150, fine.size // 2 * 2 - 1)
+    width = min(151, fine.size // 2 * 2 - 1)  # odd, so that the filter keeps its place
     smooth = np.convolve(np.pad(azimuth, width // 2, mode="edge"), np.ones(width) / width, mode="valid")
-    return np.interp(where, fine[: smooth.size], smooth)
+    return np.interp(where, fine, smooth)
 
 
 def _slow(where: Floats, size: float, wavelength: float, rng: np.random.Generator, terms: int = 5) -> Floats:

@@ -153,7 +153,7 @@ def _markers(passage: Passage, options: SimulateOptions) -> tuple[pd.DataFrame, 
 
 
 def _marker_places(passage: Passage, spacing: float) -> pd.DataFrame:
-    """Markers in the order of chainage: traps, above-ground ones, valves; upstream the launcher is the far end."""
+    """Markers in the order of travel: traps, above-ground ones, valves; upstream the launcher is the far end."""
     line, built = passage.line, passage.built
     stakes = np.arange(spacing, built.length - 0.5 * spacing, spacing)
     valves = built.joints[built.joints.kind == "valve"]
@@ -168,7 +168,8 @@ def _marker_places(passage: Passage, spacing: float) -> pd.DataFrame:
     frame = pd.concat([frame, pd.DataFrame([last])]).sort_values("chainage_m").reset_index(drop=True)
     kinds = {"LAUNCHER": "launcher", "RECEIVER": "receiver"}
     frame["kind"] = [kinds.get(n, "valve" if n.startswith("V") else "agm") for n in frame.name]
-    return frame[["name", "kind", "chainage_m", "epoch0_chainage_m"]]
+    step = -1 if passage.upstream else 1
+    return frame[["name", "kind", "chainage_m", "epoch0_chainage_m"]][::step].reset_index(drop=True)
 
 
 class _Parts:

@@ -15,7 +15,7 @@ A, F, OMEGA = 6378137.0, 1 / 298.257223563, 7.292115e-5
 E2 = F * (2 - F)
 
 
-@njit
+@njit(cache=True)
 def _gravity(latitude, height):
     """WGS84 normal gravity; the constants are written out again on purpose."""
     s2 = np.sin(latitude) ** 2
@@ -24,16 +24,21 @@ def _gravity(latitude, height):
     return surface * (1 - 2 * (1 + F + m - 2 * F * s2) * height / A + 3 * (height / A) ** 2)
 
 
-@njit
+@njit(cache=True)
+def _cross(a, b):
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+@njit(cache=True)
 def _exponential(vector):
-    angle = np.sqrt((vector**2).sum())
+    angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
     K = np.array([[0, -vector[2], vector[1]], [vector[2], 0, -vector[0]], [-vector[1], vector[0], 0]])
     if angle < 1e-12:
         return np.eye(3) + K
     return np.eye(3) + np.sin(angle) / angle * K + (1 - np.cos(angle)) / angle**2 * (K @ K)
 
 
-@njit
+@njit(cache=True)
 def integrate(increments, dt, C, v, place):
     """Plain strapdown integration: two-sample coning and sculling, rates of the middle, trapezoid positions."""
     latitude, longitude, height = place
@@ -41,16 +46,16 @@ def integrate(increments, dt, C, v, place):
     path = np.empty((len(increments), 6))
     for k in range(len(increments)):
         angle, velocity = increments[k, :3], increments[k, 3:]
-        turn = angle + np.cross(before_angle, angle) / 12
-        push = velocity + 0.5 * np.cross(angle, velocity)
-        push = push + (np.cross(before_angle, velocity) + np.cross(before_velocity, angle)) / 12
+        turn = angle + _cross(before_angle, angle) / 12
+        push = velocity + 0.5 * _cross(angle, velocity)
+        push = push + (_cross(before_angle, velocity) + _cross(before_velocity, angle)) / 12
         before_angle, before_velocity = angle, velocity
         w2 = 1 - E2 * np.sin(latitude) ** 2
         N, M = A / np.sqrt(w2), A * (1 - E2) / w2**1.5
         earth = OMEGA * np.array([0, np.cos(latitude), np.sin(latitude)])
         over = np.array([-v[1] / (M + height), v[0] / (N + height), v[0] * np.tan(latitude) / (N + height)])
         middle = _exponential(-0.5 * dt * (earth + over)) @ C
-        new = v + middle @ push - dt * np.cross(2 * earth + over, v)
+        new = v + middle @ push - dt * _cross(2 * earth + over, v)
         new[2] -= dt * _gravity(latitude, height)
         mean = 0.5 * (v + new)
         latitude, height = latitude + dt * mean[1] / (M + height), height + dt * mean[2]
