@@ -168,7 +168,7 @@ def convert(column: np.ndarray, one, *, least: float = -np.inf, most: float = np
 def _hours(text: str, form: str) -> float:
     match = _CLOCK.fullmatch(text)
     if form == "h:mm" and (match is None or (":" not in text and "h" not in text)):
-        value = float(text.replace(",", "."))
+        value = number(text.replace(",", "."))
         if value != int(value) and value >= 1.0:
             raise ValueError(f"{text!r} is no clock position h:mm")
         return value * 24.0 % 12.0 if 0.0 < value < 1.0 else value

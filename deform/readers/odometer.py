@@ -15,6 +15,7 @@ from deform.run.raw import RunHeader
 FILE = "odometer.nc"
 _FASTEST_M_PER_S = 30.0
 _COUNTERS = (2**16, 2**24, 2**31, 2**32)
+_LARGEST_COUNT = 2.0**53  # whole numbers that a float holds exactly
 _DIMS = ("sample", "wheel")
 
 
@@ -57,6 +58,10 @@ def _rising_counts(count: np.ndarray, time: np.ndarray, fill: float | int | None
     for wheel in range(count.shape[1]):
         column = _without_missing(count[:, wheel], fill, wheel, time, findings)
         if column is None:
+            continue
+        if column.size and float(np.abs(column.astype(float)).max()) > _LARGEST_COUNT:
+            rule = f"reaches {float(np.abs(column.astype(float)).max()):.4g} pulses; that cannot be"
+            findings.fault(FILE, f"count, wheel {wheel + 1}", rule)
             continue
         whole[:, wheel] = column
         falls = np.flatnonzero(np.diff(whole[:, wheel]) < 0)

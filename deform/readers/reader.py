@@ -6,6 +6,7 @@ import datetime
 import logging
 from dataclasses import dataclass, field
 from functools import cache
+from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Protocol
@@ -87,7 +88,7 @@ def readers() -> dict[str, Reader]:
     for name, place in _BUILT_IN.items():
         if name not in declared:
             module, _, attribute = place.partition(":")
-            found[name] = getattr(__import__(module, fromlist=[attribute]), attribute)()
+            found[name] = getattr(import_module(module), attribute)()
     for name, entry in declared.items():
         try:
             found[name] = entry.load()()

@@ -71,7 +71,15 @@ def test_clock_positions_are_angles_from_the_top(text, form, degree):
 
 @pytest.mark.parametrize(
     ("text", "form"),
-    [("6:75", "h:mm"), ("14:00", "h:mm"), ("10,61", "h.mm"), ("25", "hours"), ("400", "degree"), ("6.5", "h:mm")],
+    [
+        ("6:75", "h:mm"),
+        ("14:00", "h:mm"),
+        ("10,61", "h.mm"),
+        ("25", "hours"),
+        ("400", "degree"),
+        ("6.5", "h:mm"),
+        ("INFINITY", "h:mm"),
+    ],
 )
 def test_what_is_no_clock_position_is_refused(text, form):
     with pytest.raises(ValueError, match=r".+"):

@@ -26,7 +26,7 @@ FILES = ("run.toml", "imu.nc", "odometer.nc", "caliper.nc", "welds.csv", "marker
 DATE = datetime.date(2015, 5, 1)
 TEXT = st.text(alphabet=st.characters(codec="utf-8", exclude_characters="\r\n\x00"), max_size=8)
 quick = settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
 )
 
 

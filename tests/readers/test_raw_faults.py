@@ -510,3 +510,11 @@ def test_an_empty_time_is_a_passage_not_heard(raw_run):
     raw = read_raw_folder(raw_run(markers=markers_with(1, "time_s", "")))
     np.testing.assert_array_equal(np.isfinite(raw.passages["time"]), [True, False, True])
     assert raw.repairs == ()
+
+
+@pytest.mark.parametrize(("part", "name"), [("imu", "gyro_count"), ("imu", "accel_count"), ("odometer", "count")])
+def test_counts_beyond_every_counter_are_refused(raw_run, part, name):
+    ds = getattr(tiny, part)()
+    values = ds[name].values.astype(float)
+    values[-1, 0] = 1e300
+    assert "pulses" in refused(raw_run(**{part: changed(ds, **{name: values})}))
