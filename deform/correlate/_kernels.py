@@ -2,7 +2,8 @@
 
 Everything is in linear weights (ratios of densities) with one normaliser per row, so that no logarithm stands in a loop.
 A cell (i, j) means: weld i of run A and weld j of run B. Four states: M the two are one weld, D/A/B inside a replaced stretch
-that has consumed a joint of both, of A alone, of B alone; the order D, then A or B, makes every stretch one path.
+that has consumed a joint of both, of A alone, of B alone; the order D, then A or B, makes every stretch one path, of a joint at
+least on either side.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from numba import njit
 
 _T3 = 2.0 / (np.pi * np.sqrt(3.0))  # peak of Student's t with three degrees of freedom
 _REACH = 15.0  # sigma; a sum of joints that differs more is not the same pipe with a weld missed
+_STRAY = 0.02  # of the replaced stretches end where no anchor around has its offset
 _HUGE = 1e18
 BIN = 0.01  # metre, of the density of joint lengths
 
@@ -30,7 +32,6 @@ class Rates(NamedTuple):
     shifted: float
     shift_m: float
     open_both: float
-    open_one: float
     extend: float  # D goes on
     switch: float  # D to A, or to B
     close: float  # D to M
@@ -41,8 +42,9 @@ class Rates(NamedTuple):
 class Lists(NamedTuple):
     """Two weld lists on one scale, with the density of the line's joint lengths.
 
-    ``x`` (n) and ``y`` (m) are metre, rising; ``inv_a``, ``inv_b`` one over the density at the joint that ends at each weld (metre),
-    ``root_a``, ``root_b`` their square roots; ``density`` (1/m) in bins of 1 cm.
+    ``x`` (n) and ``y`` (m) are metre, rising; ``inv_a``, ``inv_b`` one over the density at the joint that ends at each weld
+    (metre), ``root_a``, ``root_b`` their square roots; ``density`` (1/m) in bins of 1 cm; ``offset`` (n, 4) is what the
+    anchors around show as offset of B against A, and ``margin`` (n) how far it holds, metre.
     """
 
     x: np.ndarray
@@ -52,6 +54,8 @@ class Lists(NamedTuple):
     root_a: np.ndarray
     root_b: np.ndarray
     density: np.ndarray
+    offset: np.ndarray
+    margin: np.ndarray
 
 
 class Band(NamedTuple):
@@ -148,7 +152,9 @@ def move_13(i, j, s, t):
         return 0.0
     f = t.false_b / whole
     mixed = t.missed_a * f * s.inv_a[i] * (s.inv_b[j] + s.inv_b[j - 2])
-    return _density(r, t.sigma) * (t.missed_a**2 * s.inv_a[i] + mixed + 2.0 * f * f * s.inv_b[j] * s.inv_b[j - 1] * s.inv_b[j - 2])
+    return _density(r, t.sigma) * (
+        t.missed_a**2 * s.inv_a[i] + mixed + 2.0 * f * f * s.inv_b[j] * s.inv_b[j - 1] * s.inv_b[j - 2]
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -160,7 +166,9 @@ def move_31(i, j, s, t):
         return 0.0
     f = t.false_a / whole
     mixed = t.missed_b * f * s.inv_b[j] * (s.inv_a[i] + s.inv_a[i - 2])
-    return _density(r, t.sigma) * (t.missed_b**2 * s.inv_b[j] + mixed + 2.0 * f * f * s.inv_a[i] * s.inv_a[i - 1] * s.inv_a[i - 2])
+    return _density(r, t.sigma) * (
+        t.missed_b**2 * s.inv_b[j] + mixed + 2.0 * f * f * s.inv_a[i] * s.inv_a[i - 1] * s.inv_a[i - 2]
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -184,6 +192,16 @@ def move_22(i, j, s, t):
     strangers += (t.missed_a * t.false_a * pair_a + t.missed_b * t.false_b * pair_b) / whole
     strangers += t.false_a * t.false_b / whole**2 * pair_a * pair_b * s.density[min(int(whole / BIN), s.density.size - 1)]
     return same, f * strangers
+
+
+@njit(cache=True, error_model="numpy")
+def ending(i, j, s):
+    """Weight of a replaced stretch that ends at (i, j): it keeps the place of what follows, as the anchors know it."""
+    offset = s.y[j] - s.x[i]
+    for k in range(s.offset.shape[1]):
+        if abs(offset - s.offset[i, k]) <= s.margin[i]:
+            return 1.0
+    return _STRAY
 
 
 @njit(cache=True, error_model="numpy")
@@ -224,15 +242,11 @@ def fill(s, band, t, ev):
             v_a = v_b = 0.0
             t_m = t_d = t_a = t_b = 0
             if l1 <= j <= h1:
-                v_a, t_a = best[o1 + j, 0] * t.open_one, 1
-                if best[o1 + j, 1] * t.switch > v_a:
-                    v_a, t_a = best[o1 + j, 1] * t.switch, 2
+                v_a, t_a = best[o1 + j, 1] * t.switch, 2
                 if best[o1 + j, 2] * t.extend_one > v_a:
                     v_a, t_a = best[o1 + j, 2] * t.extend_one, 3
             if j > low:
-                v_b, t_b = best[k - 1, 0] * t.open_one, 1
-                if best[k - 1, 1] * t.switch > v_b:
-                    v_b, t_b = best[k - 1, 1] * t.switch, 2
+                v_b, t_b = best[k - 1, 1] * t.switch, 2
                 if best[k - 1, 3] * t.extend_one > v_b:
                     v_b, t_b = best[k - 1, 3] * t.extend_one, 4
             if l1 <= j - 1 <= h1:
@@ -267,12 +281,13 @@ def fill(s, band, t, ev):
                 w = best[o3 + j - 1, 0] * q3 * move_31(i, j, s, t)
                 if w > v_m:
                     v_m, t_m = w, 31
-            if v_d * t.close > v_m:
-                v_m, t_m = v_d * t.close, 2
-            if v_a * t.close_one > v_m:
-                v_m, t_m = v_a * t.close_one, 3
-            if v_b * t.close_one > v_m:
-                v_m, t_m = v_b * t.close_one, 4
+            e = ending(i, j, s)
+            if v_d * t.close * e > v_m:
+                v_m, t_m = v_d * t.close * e, 2
+            if v_a * t.close_one * e > v_m:
+                v_m, t_m = v_a * t.close_one * e, 3
+            if v_b * t.close_one * e > v_m:
+                v_m, t_m = v_b * t.close_one * e, 4
             v_m *= evidence(i, j, ev)
             best[k, 0], best[k, 1], best[k, 2], best[k, 3] = v_m, v_d, v_a, v_b
             back[k, 0], back[k, 1], back[k, 2], back[k, 3] = t_m, t_d, t_a, t_b
@@ -289,7 +304,7 @@ def fill(s, band, t, ev):
 
 @njit(cache=True, error_model="numpy")
 def trace_back(best, back, log_scale, band, m):
-    """Best path: partner of each weld of A (-1 none), the move that led to it, its log weight, and its least way to the band's edge."""
+    """Best path: partner of each weld of A (-1 none), the move to it, its log weight, its least way to the band's edge."""
     n = band.low.size
     partner = np.full(n, -1, np.int64)
     move = np.zeros(n, np.int64)
@@ -353,9 +368,9 @@ def forward(s, band, t, ev):
             v_d = v_m * t.open_both
             v_a = v_b = 0.0
             if l1 <= j <= h1:
-                v_a = total[o1 + j, 0] * t.open_one + total[o1 + j, 1] * t.switch + total[o1 + j, 2] * t.extend_one
+                v_a = total[o1 + j, 1] * t.switch + total[o1 + j, 2] * t.extend_one
             if j > low:
-                v_b = total[k - 1, 0] * t.open_one + total[k - 1, 1] * t.switch + total[k - 1, 3] * t.extend_one
+                v_b = total[k - 1, 1] * t.switch + total[k - 1, 3] * t.extend_one
             if l1 <= j - 1 <= h1:
                 p = o1 + j - 1
                 v_d += total[p, 0] * t.open_both + total[p, 1] * t.extend
@@ -373,7 +388,7 @@ def forward(s, band, t, ev):
                 v_m += total[o2 + j - 2, 0] * q2 * (same + strangers)
             if l3 <= j - 1 <= h3:
                 v_m += total[o3 + j - 1, 0] * q3 * move_31(i, j, s, t)
-            v_m = (v_m + t.close * v_d + t.close_one * (v_a + v_b)) * evidence(i, j, ev)
+            v_m = (v_m + ending(i, j, s) * (t.close * v_d + t.close_one * (v_a + v_b))) * evidence(i, j, ev)
             total[k, 0], total[k, 1], total[k, 2], total[k, 3] = v_m, v_d, v_a, v_b
             top = max(top, v_m, v_d, v_a, v_b)
         if top <= 0.0:
@@ -436,12 +451,10 @@ def backward(s, band, t, ev, total, norm, log_scale, log_total):
             v_m, v_d, v_a, v_b = end, end, end, end
             if l1 <= j <= h1:
                 w = rest[r1, j - l1, 2] * q1
-                v_m += w * t.open_one
                 v_d += w * t.switch
                 v_a += w * t.extend_one
             if j < high:
                 w = rest[now, j + 1 - low, 3]
-                v_m += w * t.open_one
                 v_d += w * t.switch
                 v_b += w * t.extend_one
             if l1 <= j + 1 <= h1:
@@ -468,8 +481,9 @@ def backward(s, band, t, ev, total, norm, log_scale, log_total):
             # weight of everything behind the cell, its own evidence and the end of a replaced stretch counted
             after = v_m * evidence(i, j, ev)
             c = j - low
-            rest[now, c, 0], rest[now, c, 1] = after, v_d + t.close * after
-            rest[now, c, 2], rest[now, c, 3] = v_a + t.close_one * after, v_b + t.close_one * after
+            e = ending(i, j, s) * after
+            rest[now, c, 0], rest[now, c, 1] = after, v_d + t.close * e
+            rest[now, c, 2], rest[now, c, 3] = v_a + t.close_one * e, v_b + t.close_one * e
     for k in range(band.offset[n]):
         match[k] = min(match[k] + shifted[k], 1.0)
     return match, shifted

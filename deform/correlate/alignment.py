@@ -8,14 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from deform.correlate import _kernels
-from deform.correlate._kernels import Evidence
+from deform.correlate.evidence import Locks, Traits, from_locks, learn
 from deform.correlate.length_model import LengthModel, first_rates, length_density, local_scale, noise, reestimate, warp
 from deform.correlate.seeds import Seeds, band, find_seeds
 from deform.errors import Fault, WrongLineError
 from deform.options import MatchOptions
 
 _log = logging.getLogger(__name__)
-_FULL = 4_000_000  # cells up to which a whole matrix is filled when no seed is found
+_FULL = 60_000  # cells up to which a whole matrix is filled when no seed is found
+_WIDE = 120  # mean columns of a band above which the anchors contradict each other
+_ADVICE = "these are runs of two lines, or one list lacks most of its welds"
 _KEPT = 1e-3  # posterior below this is not kept
 
 
@@ -46,19 +48,23 @@ class PairAlignment:
     local: np.ndarray
 
 
-def no_evidence() -> Evidence:
-    """Nothing but the lengths."""
-    i, f = np.empty(0, np.int64), np.empty(0)
-    return Evidence(False, i, i, np.ones((1, 1)), i, i, 1.0, 1.0, f, f, 1.0, i, i, i, i)
-
-
-def align(x: np.ndarray, y: np.ndarray, options: MatchOptions, names: tuple[str, str] = ("A", "B"), make_evidence=None, directions=(1, -1)) -> PairAlignment:
+def align(
+    x: np.ndarray,
+    y: np.ndarray,
+    options: MatchOptions,
+    names: tuple[str, str] = ("A", "B"),
+    traits: tuple[Traits, Traits] | None = None,
+    locks: Locks | None = None,
+    directions: tuple[int, ...] = (1, -1),
+) -> PairAlignment:
     """Align the welds of run B with those of run A.
 
     Parameters
     ----------
     x, y : weld places of A (n) and B (m), metre, rising.
-    make_evidence : called with the direction, returns the `Evidence` on B as turned; None for lengths alone.
+    traits : what is known of the joints of A and of B beside their lengths; None for lengths alone.
+    locks : pairs that must, or must not, be one weld.
+    directions : directions of B that may be.
 
     Raises
     ------
@@ -66,16 +72,21 @@ def align(x: np.ndarray, y: np.ndarray, options: MatchOptions, names: tuple[str,
         When the lengths of the two runs have no more in common than those of two different lines; with the numbers.
     """
     trials = _starts(x, y, options, directions)
-    best = None
+    if not trials:
+        extent = f"{x.size} and {y.size} welds, {np.ptp(x):.0f} and {np.ptp(y):.0f} m"
+        rule = f"no sequence of joint lengths is in both ({extent}, scale 1 ± {options.scale_range:g})"
+        raise WrongLineError(Fault(f"{names[0]} and {names[1]}", "welds", rule, _ADVICE))
+    results = []
     for direction, unit, seeds in trials:
         b = (y if direction > 0 else -y[::-1]) / unit
-        ev = make_evidence(direction) if make_evidence else no_evidence()
-        result = _align_one_way(x, b, seeds, options, ev, direction, unit)
-        if best is None or result.evidence_nats > best.evidence_nats:
-            best = result
+        turned = traits and (traits[0], traits[1] if direction > 0 else traits[1].turned())
+        held = locks if locks is None or direction > 0 else locks.turned(y.size)
+        results.append(_align_one_way(x, b, seeds, options, turned, held, direction, unit))
+    best = max(results, key=lambda r: r.evidence_nats)
     _check_same_line(best, x, y, names, options)
     if abs(best.scale - 1.0) > options.scale_range * 1.2:
-        _log.warning("%s is %.4f times as long as %s: its unit is not the metre (feet?); it was matched all the same", names[1], best.scale, names[0])
+        text = "%s is %.4f times as long as %s: its unit is not the metre (feet?); it was matched all the same"
+        _log.warning(text, names[1], best.scale, names[0])
     return best
 
 
@@ -83,16 +94,22 @@ def _starts(x, y, options, directions):
     """Directions, units and seeds to try: one where the seeds decide, all where there are none and the matrix is small."""
     for unit in (1.0, 1 / 0.3048, 0.3048):
         seeds = find_seeds(x, y / unit, options.scale_range, directions)
-        if seeds is not None and seeds.support[0] > 25.0 + seeds.support[1]:
+        if seeds is not None and seeds.support[0] > 25.0 + seeds.support[1] and _narrow(x.size, y.size, seeds):
             return [(seeds.direction, unit, seeds)]
     if x.size * y.size > _FULL:
-        seeds = [find_seeds(x, y, options.scale_range, (d,)) for d in directions]
-        return [(d, 1.0, s) for d, s in zip(directions, seeds, strict=True) if s is not None] or [(1, 1.0, None)]
+        found = [(d, 1.0, find_seeds(x, y, options.scale_range, (d,))) for d in directions]
+        return [t for t in found if t[2] is not None and _narrow(x.size, y.size, t[2])]
     return [(d, 1.0, None) for d in directions]
 
 
-def _align_one_way(x, b, seeds: Seeds | None, options, ev, direction, unit):
+def _narrow(n: int, m: int, seeds: Seeds) -> bool:
+    """False when the anchors lie so far from one diagonal that they cannot be of one line (a whole matrix stays allowed)."""
+    return band(n, m, seeds.i, seeds.j, 0).offset[-1] < max(_WIDE * n, 3 * _FULL)
+
+
+def _align_one_way(x, b, seeds: Seeds | None, options, traits, locks, direction, unit):
     n, m = x.size, b.size
+    ev = from_locks(locks, n, m)
     b = b - b[0]
     if seeds is None:
         warped, i, j = _by_scale_grid(x, b, options, ev)
@@ -108,17 +125,18 @@ def _align_one_way(x, b, seeds: Seeds | None, options, ev, direction, unit):
     for _ in range(2):
         while True:
             strip = band(n, m, i, j, half)
-            filled = _kernels.fill(model.lists(warped, b), strip, model.rates, ev)
-            partner, moves, _, slack = _kernels.trace_back(*filled, strip, m)
+            best, back, unit_of_row = _kernels.fill(model.lists(warped, b, *_offsets(warped, b, i, j)), strip, model.rates, ev)
+            partner, moves, _, slack = _kernels.trace_back(best, back, unit_of_row, strip, m)
             if slack > 0 or half > 256 or not i.size:
                 break
             half *= 2
         warped, model = _learn(x, b, warped, partner, moves, model)
+        ev = learn(ev, traits[0], traits[1], partner) if traits else ev
         good = np.flatnonzero(partner >= 0)
         if seeds is None and good.size:
             i, j = good, partner[good]
             half = max(half, 12)
-    strip, both = band(n, m, i, j, half), model.lists(warped, b)
+    strip, both = band(n, m, i, j, half), model.lists(warped, b, *_offsets(warped, b, i, j))
     forward = _kernels.forward(both, strip, model.rates, ev)
     match, shifted = _kernels.backward(both, strip, model.rates, ev, *forward)
     kept = np.flatnonzero(match > _KEPT)
@@ -138,9 +156,19 @@ def _align_one_way(x, b, seeds: Seeds | None, options, ev, direction, unit):
         shifted=shifted[kept].astype(float),
         partner=decided,
         model=model,
-        evidence_nats=float(forward[3]),
+        evidence_nats=float(forward[3]) - (np.log(1e18) * len(locks.locked) if locks else 0.0),
         local=local,
     )
+
+
+def _offsets(warped, b, i, j):
+    """Offset of B against A at the two anchors before and the two after each weld of A (n, 4), and how far it holds (n), metre."""
+    rows = np.arange(warped.size)
+    if i.size < 4:
+        return np.zeros((rows.size, 1)), np.full(rows.size, np.inf)
+    around = np.clip(np.searchsorted(i, rows, side="right")[:, None] + np.arange(-2, 2), 0, i.size - 1)
+    away = np.minimum(*(np.abs(warped - warped[i[around[:, k]]]) for k in (1, 2)))
+    return (b[j] - warped[i])[around], 3.0 + 0.002 * away
 
 
 def _smooth(values: np.ndarray, half: int = 5) -> np.ndarray:
@@ -192,8 +220,9 @@ def _check_same_line(result: PairAlignment, x, y, names, options) -> None:
     needed = options.least_evidence_nats + np.log(float(x.size) * y.size)
     found = int(np.count_nonzero(result.partner >= 0))
     if result.evidence_nats < needed:
+        extent = f"{x.size} and {y.size} welds, {np.ptp(x):.0f} and {np.ptp(y):.0f} m"
         rule = (
-            f"{found} of {min(x.size, y.size)} welds find a partner; the joint lengths speak for one line with {result.evidence_nats:.1f} nats, "
-            f"{needed:.1f} are needed ({x.size} and {y.size} welds, {np.ptp(x):.0f} and {np.ptp(y):.0f} m)"
+            f"{found} of {min(x.size, y.size)} welds find a partner; the joint lengths speak for one line with "
+            f"{result.evidence_nats:.1f} nats, {needed:.1f} are needed ({extent})"
         )
-        raise WrongLineError(Fault(f"{names[0]} and {names[1]}", "welds", rule, "these are runs of two lines, or one list lacks most of its welds"))
+        raise WrongLineError(Fault(f"{names[0]} and {names[1]}", "welds", rule, _ADVICE))

@@ -33,7 +33,7 @@ class ChainageMap:
         """Refuse nodes that are not monotone."""
         step = np.diff(self.own)
         if self.reference.size < 2 or (np.diff(self.reference) <= 0).any() or not ((step > 0).all() or (step < 0).all()):
-            rule = f"{self.reference.size} welds whose chainages do not run in one direction; a map needs two at least, and a monotone order"
+            rule = f"{self.reference.size} welds that do not run in one direction; a map needs two at least, in order"
             raise InputError(Fault(self.run, "chainage map", rule))
 
     @property

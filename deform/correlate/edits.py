@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,7 +66,7 @@ def find_changes(registry: Registry, own: np.ndarray, sigma: float) -> list[Chan
         b = a + 1
         common = np.flatnonzero((registry.member[:, a] >= 0) & (registry.member[:, b] >= 0))
         has_a, has_b = (np.cumsum(registry.member[:, r] >= 0) for r in (a, b))
-        for c, d in zip(common[:-1], common[1:], strict=True):
+        for c, d in itertools.pairwise(common):
             if d == c + 1:
                 continue
             n_a, n_b = int(has_a[d] - has_a[c] - 1), int(has_b[d] - has_b[c] - 1)
@@ -79,7 +80,9 @@ def find_changes(registry: Registry, own: np.ndarray, sigma: float) -> list[Chan
     return changes
 
 
-def real_columns(registry: Registry, own: np.ndarray, lists: list[WeldList], changes: list[Change], model: LengthModel) -> np.ndarray:
+def real_columns(
+    registry: Registry, own: np.ndarray, lists: list[WeldList], changes: list[Change], model: LengthModel
+) -> np.ndarray:
     """True for columns that are welds, false for those that only one run shows and that split a joint of the line.
 
     Notes
@@ -155,7 +158,49 @@ def changed_between(changes: list[Change], a: int, b: int, column: int) -> Chang
     return None
 
 
-def weld_rows(registry: Registry, lists: list[WeldList], own: np.ndarray, changes: list[Change], real: np.ndarray, to_run, shift_m: float) -> pd.DataFrame:
+@dataclass(frozen=True)
+class History:
+    """Everything that the status of a weld rests on: see `Registry`, `WeldList`, `Change`, `real_columns`, `displacement`."""
+
+    registry: Registry
+    lists: list[WeldList]
+    own: np.ndarray
+    changes: list[Change]
+    real: np.ndarray
+    moved: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Hold the first and last column of each run."""
+        object.__setattr__(self, "spans", [_span(self.registry, r) for r in range(len(self.lists))])
+
+    def covers(self, run: int, column: int) -> bool:
+        """True where a run's list goes over a column."""
+        first, last = self.spans[run]  # type: ignore[attr-defined] # set in __post_init__ of a frozen class
+        return first <= column <= last
+
+    def name(self, runs) -> str:
+        """Ids of runs in words."""
+        return ", ".join(self.lists[q].run for q in runs)
+
+    def why(self, change: Change) -> str:
+        """A change in words."""
+        return f"{change.kind} between {self.lists[change.before].run} and {self.lists[change.after].run}"
+
+
+def column_ids(history: History) -> list[str]:
+    """Identity of each column: ``W00001`` ... along the line, and one of its own for each weld that is none."""
+    ids, number = [], 0
+    for column, real in enumerate(history.real):
+        if real:
+            number += 1
+            ids.append(f"W{number:05d}")
+        else:
+            r = int(np.flatnonzero(history.registry.member[column] >= 0)[0])
+            ids.append(f"F-{history.lists[r].run}-{history.lists[r].index[history.registry.member[column, r]]}")
+    return ids
+
+
+def weld_rows(history: History, to_run, shift_m: float) -> pd.DataFrame:
     """Rows of ``tables/welds.csv``: one per weld and run, with status and reason.
 
     Parameters
@@ -163,88 +208,63 @@ def weld_rows(registry: Registry, lists: list[WeldList], own: np.ndarray, change
     to_run : called with (run, reference chainage) for the place of a weld that the run does not show.
     shift_m : a weld that stands further than this from where the other runs have it is `shifted`.
     """
-    moved = _displacement(registry, own)
+    registry, lists = history.registry, history.lists
     rows: list[dict] = []
-    spans = [_span(registry, r) for r in range(len(lists))]
-    number = 0
-    for column in range(real.size):
+    for column, weld_id in enumerate(column_ids(history)):
         members = np.flatnonzero(registry.member[column] >= 0)
-        if real[column]:
-            number += 1
-            weld_id = f"W{number:05d}"
-        else:
-            weld_id = f"F-{lists[members[0]].run}-{lists[members[0]].index[registry.member[column, members[0]]]}"
-        first = int(members[0])
         for r, welds in enumerate(lists):
             k = int(registry.member[column, r])
+            row = {"weld_id": weld_id, "run": welds.run, "reference_chainage_m": registry.place[column]}
             if k >= 0:
-                status, reason = _status(registry, column, r, members, lists, changes, real, moved, shift_m)
+                status, reason = _status(history, column, r, members, shift_m)
                 probability = registry.probability[column, r]
-                rows.append(
-                    {
-                        "weld_id": weld_id,
-                        "run": welds.run,
-                        "index": int(welds.index[k]),
-                        "log_distance_m": welds.log_distance[k],
-                        "chainage_m": welds.place[k],
-                        "reference_chainage_m": registry.place[column],
-                        "probability": welds.probability[k] if np.isnan(probability) else probability,
-                        "status": status,
-                        "reason": reason,
-                    }
-                )
-            elif real[column] and spans[r][0] <= column <= spans[r][1]:
-                absent = _absent(column, r, first, members, lists, changes)
-                if absent:
-                    gone = absent[0] == "removed"
-                    rows.append(
-                        {
-                            "weld_id": weld_id,
-                            "run": welds.run,
-                            "index": None,
-                            "chainage_m": np.nan if gone else float(to_run(r, registry.place[column])),
-                            "reference_chainage_m": registry.place[column],
-                            "status": absent[0],
-                            "reason": absent[1],
-                        }
-                    )
-    rows += [row for r, welds in enumerate(lists) for row in _double_rows(welds, registry, r)]
-    return pd.DataFrame(rows)
+                row |= {"index": int(welds.index[k]), "log_distance_m": welds.log_distance[k], "chainage_m": welds.place[k]}
+                row["probability"] = welds.probability[k] if np.isnan(probability) else min(probability, 1.0)
+            elif history.real[column] and history.covers(r, column):
+                status, reason = _absent(history, column, r, members)
+                if not status:
+                    continue
+                row["chainage_m"] = float(to_run(r, registry.place[column])) if status == "missed" else np.nan
+            else:
+                continue
+            rows.append({**row, "status": status, "reason": reason})
+    return pd.DataFrame(rows + [row for r, welds in enumerate(lists) for row in _double_rows(welds, registry, r)])
 
 
-def _status(registry, column, r, members, lists, changes, real, moved, shift_m):
-    others = [lists[q].run for q in members if q != r]
-    if not real[column]:
-        k = registry.member[column, r]
-        low = lists[r].probability[k] < 0.5
-        why = f"detector's probability {lists[r].probability[k]:.2f}" if low else "it splits a joint that the other runs see whole"
+def _status(history: History, column: int, r: int, members: np.ndarray, shift_m: float) -> tuple[str, str]:
+    """Status and reason of a weld that run r shows."""
+    changes = history.changes
+    others = [q for q in members if q != r]
+    if not history.real[column]:
+        detected = history.lists[r].probability[history.registry.member[column, r]]
+        why = f"detector's probability {detected:.2f}" if detected < 0.5 else "it splits a joint that the other runs see whole"
         return "false", f"no other run shows it, and {why}"
-    if r == members[0] and r > 0:
+    if r == members[0]:
         change = next((c for q in range(r) if (c := changed_between(changes, q, r, column))), None)
-        spanned = [q for q in range(r) if not changed_between(changes, q, r, column) and _spans(registry, q, column)]
+        spanned = [q for q in range(r) if not changed_between(changes, q, r, column) and history.covers(q, column)]
         if change and not spanned:
-            return "added", f"{change.kind} between {lists[change.before].run} and {lists[change.after].run}"
-    if abs(moved[column, r]) > shift_m and others:
-        return "shifted", f"stands {moved[column, r]:+.2f} m from where {', '.join(others)} has it; both neighbours agree"
+            return "added", history.why(change)
+    shift = history.moved[column, r]
+    if others and abs(shift) > shift_m:
+        return "shifted", f"stands {shift:+.2f} m from where {history.name(others)} has it; both neighbours agree"
     if others:
-        return "matched", f"also in {', '.join(others)}"
-    return "matched", "only this run shows it; its joints have lengths of this line"
+        return "matched", f"also in {history.name(others)}"
+    if any(history.covers(q, column) for q in range(len(history.lists)) if q != r):
+        return "matched", "only this run shows it; its joints have lengths of this line"
+    return "matched", "only this run covers this place"
 
 
-def _absent(column, r, first, members, lists, changes):
-    """Status and reason of a weld that run r does not show; None when the run could not have it."""
+def _absent(history: History, column: int, r: int, members: np.ndarray) -> tuple[str, str]:
+    """Status and reason of a weld that run r does not show; empty when the run could not have it."""
     before = [q for q in members if q < r]
-    after = [q for q in members if q > r]
-    near = before[-1] if before else after[0]
-    change = changed_between(changes, near, r, column)
+    near = before[-1] if before else members[0]
+    change = changed_between(history.changes, int(near), r, column)
     if change is None:
-        return "missed", f"in {', '.join(lists[q].run for q in members)}; the pipe is the same and this run does not show it"
-    if before:
-        return "removed", f"{change.kind} between {lists[change.before].run} and {lists[change.after].run}"
-    return None
+        return "missed", f"in {history.name(members)}; the pipe is the same and this run does not show it"
+    return ("removed", history.why(change)) if before else ("", "")
 
 
-def _displacement(registry: Registry, own: np.ndarray) -> np.ndarray:
+def displacement(registry: Registry, own: np.ndarray) -> np.ndarray:
     """How far each member stands from where the other members' places between its neighbours put it (c, runs), metre."""
     moved = np.zeros(own.shape)
     for r in range(own.shape[1]):
@@ -269,13 +289,8 @@ def _displacement(registry: Registry, own: np.ndarray) -> np.ndarray:
 
 def _span(registry: Registry, r: int) -> tuple[int, int]:
     """First and last column of a run that another run has as well."""
-    shared = np.flatnonzero((registry.member[:, r] >= 0))
+    shared = np.flatnonzero(registry.member[:, r] >= 0)
     return (int(shared[0]), int(shared[-1])) if shared.size else (0, -1)
-
-
-def _spans(registry: Registry, r: int, column: int) -> bool:
-    first, last = _span(registry, r)
-    return first <= column <= last
 
 
 def _double_rows(welds: WeldList, registry: Registry, r: int) -> list[dict]:

@@ -1,42 +1,36 @@
-"""A registry in, the joint table of the line through time out: each physical joint, its length in every run, its change with sigma."""
+"""A registry in, the joint table of the line through time out: each joint, its length in every run, its change with sigma."""
 
 from __future__ import annotations
+
+import itertools
 
 import numpy as np
 import pandas as pd
 
 from deform.correlate.alignment import PairAlignment
-from deform.correlate.edits import Change, changed_between
+from deform.correlate.edits import Change, History, changed_between, column_ids
 from deform.correlate.registry import Registry
-from deform.correlate.weld_list import WeldList
 from deform.run import build
 
 _T3_SIGMA = np.sqrt(3.0) * 0.75  # what 1 scale of t3 is as a working standard deviation: its central part, not its tails
 
 
-def joint_table(
-    registry: Registry,
-    lists: list[WeldList],
-    ref: int,
-    changes: list[Change],
-    real: np.ndarray,
-    pairs: dict[tuple[int, int], PairAlignment],
-    welds: pd.DataFrame,
-) -> pd.DataFrame:
+def joint_table(history: History, ref: int, pairs: dict[tuple[int, int], PairAlignment]) -> pd.DataFrame:
     """Rows of ``tables/joints.csv``: one per physical joint, that is per two welds that follow each other in at least one run.
 
     Notes
     -----
-    A missed weld still ends a joint; the joints at it have no length in that run. ``change_m`` is the length in the run, divided by
-    the run's local scale against the reference (over some 50 joints), minus the length in the reference run: a scale error of the
-    odometer is no elongation. Its sigma is the noise of the pair's joint lengths.
+    A missed weld still ends a joint; the joints at it have no length in that run. ``change_m`` is the length in the run, divided
+    by the run's local scale against the reference (over some 50 joints), minus the length in the reference run: a scale error of
+    the odometer is no elongation. Its sigma is the noise of the pair's joint lengths.
     """
-    ids = _column_ids(registry, lists, welds)
+    registry, lists, changes, real = history.registry, history.lists, history.changes, history.real
+    ids = column_ids(history)
     present = _present(registry, changes, real)
     found: dict[tuple[int, int], list[int]] = {}
     for r in range(len(lists)):
         columns = np.flatnonzero(present[:, r])
-        for c, d in zip(columns[:-1], columns[1:], strict=True):
+        for c, d in itertools.pairwise(columns):
             found.setdefault((int(c), int(d)), []).append(r)
     keys = sorted(found)
     table: dict[str, list] = {
@@ -58,16 +52,6 @@ def joint_table(
         table[f"change_m:{run.run}"] = list(change)
         table[f"change_sigma_m:{run.run}"] = list(np.where(np.isfinite(change), sigma, np.nan))
     return build.table("joints", table)
-
-
-def _column_ids(registry, lists, welds) -> list[str]:
-    rows = welds[welds["index"].notna()]
-    by_weld = dict(zip(zip(rows["run"], rows["index"].astype(int), strict=True), rows["weld_id"], strict=True))
-    ids = []
-    for column in range(registry.place.size):
-        r = int(np.flatnonzero(registry.member[column] >= 0)[0])
-        ids.append(by_weld[lists[r].run, int(lists[r].index[registry.member[column, r]])])
-    return ids
 
 
 def _present(registry: Registry, changes: list[Change], real: np.ndarray) -> np.ndarray:

@@ -30,10 +30,12 @@ class LengthModel:
     own: float
     floor: np.ndarray
 
-    def lists(self, x: np.ndarray, y: np.ndarray) -> Lists:
-        """Two weld lists on one scale with their densities, for the kernels."""
+    def lists(self, x: np.ndarray, y: np.ndarray, offset: np.ndarray | None = None, margin: np.ndarray | None = None) -> Lists:
+        """Two weld lists on one scale with their densities and the offsets that anchors show, for the kernels."""
+        offset = np.zeros((x.size, 1)) if offset is None else offset
+        margin = np.full(x.size, np.inf) if margin is None else margin
         inv_a, inv_b = self.inverse_density(x), self.inverse_density(y)
-        return Lists(x, y, inv_a, inv_b, np.sqrt(inv_a), np.sqrt(inv_b), self.density)
+        return Lists(x, y, inv_a, inv_b, np.sqrt(inv_a), np.sqrt(inv_b), self.density, offset, margin)
 
     def inverse_density(self, places: np.ndarray) -> np.ndarray:
         """One over the density at the joint that ends at each weld (metre), that joint left out; 1 at the first weld."""
@@ -56,12 +58,11 @@ def first_rates(sigma: float = 0.05, missed: float = 0.01, false: float = 0.01, 
         shifted=1e-3,
         shift_m=0.4,
         open_both=edit,
-        open_one=edit / 10.0,
         extend=0.86,
         switch=0.045,
         close=0.05,
-        extend_one=0.75,
-        close_one=0.25,
+        extend_one=0.35,
+        close_one=0.65,
     )
 
 
@@ -70,8 +71,8 @@ def length_density(*places: np.ndarray, sigma: float) -> tuple[np.ndarray, float
 
     Notes
     -----
-    The histogram is convolved with a Gaussian of the noise of one run's length, mixed with the same smoothed by half a metre (10 %)
-    and with a uniform part (3 %), so that a length never seen is unlikely but not impossible.
+    The histogram is convolved with a Gaussian of the noise of one run's length, mixed with the same smoothed by half a metre
+    (10 %) and with a uniform part (3 %), so that a length never seen is unlikely but not impossible.
     """
     lengths = np.concatenate([np.diff(p) for p in places]) if places else np.empty(0)
     lengths = lengths[(lengths > 0) & (lengths < 60.0)]
@@ -159,6 +160,5 @@ def reestimate(model: LengthModel, residuals: np.ndarray, moves: np.ndarray, n_e
         shifted=float(np.clip((count[22] + prior * old.shifted) / (joints + prior), 1e-4, 0.02)),
         open_both=float(np.clip((n_edits + prior * old.open_both) / (joints + prior), 2e-4, 0.02)),
     )
-    rates = rates._replace(open_one=rates.open_both / 10.0)
     same = 1.0 - rates.missed_a - rates.missed_b - rates.false_a - rates.false_b - rates.shifted - rates.open_both
     return replace(model, rates=rates._replace(same=max(same, 0.5)))

@@ -141,7 +141,7 @@ def _join(member, place, r, own, full, scale, least):
 
 
 def _places(own, column_of, place, scale):
-    """Reference chainage of every weld of a run (forward order): of its column, or proportional between its neighbours' columns."""
+    """Reference chainage of every weld of a run (forward order): of its column, or proportional between its neighbours."""
     known = np.flatnonzero(column_of >= 0)
     if not known.size:
         return place[-1] + 1.0 + (own - own[0]) / scale

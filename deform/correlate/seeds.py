@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +38,9 @@ class Seeds:
     support: tuple[float, float]
 
 
-def find_seeds(x: np.ndarray, y: np.ndarray, scale_range: float, directions: tuple[int, ...] = (1, -1), unit: float = 1.0) -> Seeds | None:
+def find_seeds(
+    x: np.ndarray, y: np.ndarray, scale_range: float, directions: tuple[int, ...] = (1, -1), unit: float = 1.0
+) -> Seeds | None:
     """Return direction, scale and anchors, or None when no sequence of lengths is found in both runs.
 
     Parameters
@@ -96,7 +99,7 @@ def _window_starts(x: np.ndarray, information: np.ndarray, k: int, blocks: int) 
     total = np.concatenate([[0.0], np.cumsum(information)])
     told = total[k:] - total[:-k]
     edges = np.unique(np.linspace(0, told.size, blocks + 1).astype(int))
-    return np.asarray([a + int(np.argmax(told[a:b])) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a], np.int64)
+    return np.asarray([a + int(np.argmax(told[a:b])) for a, b in itertools.pairwise(edges) if b > a], np.int64)
 
 
 def _long_chain(x, y, least, most):
@@ -108,7 +111,16 @@ def _long_chain(x, y, least, most):
     starts = _window_starts(x, information, k, _WINDOWS)
     all_b = np.full(starts.size, y.size)
     window, j, scale, misfit = search(
-        x, y, starts, np.zeros(starts.size, np.int64), all_b, k, np.full(starts.size, least), np.full(starts.size, most), _TOLERANCE, 12
+        x,
+        y,
+        starts,
+        np.zeros(starts.size, np.int64),
+        all_b,
+        k,
+        np.full(starts.size, least),
+        np.full(starts.size, most),
+        _TOLERANCE,
+        12,
     )
     if not window.size:
         return None
@@ -148,7 +160,7 @@ def _near_chain(x, y, i0, j0, scale):
     reach = (30.0 + 0.02 * away + 1.2 * np.minimum(bridged, 3000.0)) * max(scale, 0.1)
     first, last = np.searchsorted(y, at - reach), np.searchsorted(y, at + reach)
     least = np.full(starts.size, scale * 0.975)
-    window, j, local, misfit = search(x, y, starts, first, last, k, least, least * 1.05 / 0.975, _TOLERANCE, 6)
+    window, j, local, _ = search(x, y, starts, first, last, k, least, least * 1.05 / 0.975, _TOLERANCE, 6)
     if not window.size:
         return i0, j0, np.full(i0.size, scale)
     information = _information(x)

@@ -59,7 +59,9 @@ def weld_list(run: xr.DataTree, least_joint: float = 0.1) -> WeldList:
     """
     name = str(run.attrs.get("id", "run"))
     if "welds" not in run.children:
-        raise InputError(Fault(name, "/welds", "is absent; runs are matched by their girth welds", "detect welds or give a listing with them"))
+        raise InputError(
+            Fault(name, "/welds", "is absent; runs are matched by their girth welds", "detect welds or give a listing with them")
+        )
     ds = run["welds"].to_dataset()
     place = np.asarray(ds["chainage"].values, float)
     if not np.isfinite(place).all():
@@ -74,7 +76,9 @@ def weld_list(run: xr.DataTree, least_joint: float = 0.1) -> WeldList:
         _log.warning("%s: welds are not sorted by chainage; they are matched in the order of their chainage", name)
     kept, doubles = _without_doubles(place, probability, order, least_joint)
     if doubles:
-        _log.warning("%s: %d welds stand within %.2f m of another weld and count as doubles of it", name, len(doubles), least_joint)
+        _log.warning(
+            "%s: %d welds stand within %.2f m of another weld and count as doubles of it", name, len(doubles), least_joint
+        )
     label = np.asarray([str(v) for v in ds["label"].values], object) if "label" in ds else np.full(place.size, "", object)
     fitting = _fittings(run, place[kept])
     return WeldList(

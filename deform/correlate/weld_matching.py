@@ -13,7 +13,9 @@ from scipy import sparse
 
 from deform.correlate.alignment import PairAlignment, align
 from deform.correlate.chainage import ChainageMap, identity_map
-from deform.correlate.edits import changed_between, find_changes, real_columns, reference_lengths, weld_rows
+from deform.correlate.edit_table import edit_table
+from deform.correlate.edits import History, displacement, find_changes, real_columns, reference_lengths, weld_rows
+from deform.correlate.evidence import Traits, check_locks, locks_between
 from deform.correlate.joints import joint_table
 from deform.correlate.registry import Registry, merge
 from deform.correlate.weld_list import WeldList, weld_list
@@ -57,8 +59,8 @@ def match_runs(
     ----------
     runs : runs in the order of their dates, each with a group ``/welds``.
     reference : id of the run whose chainage is the axis; default the first.
-    locks : pairs that must, or must not, be one weld: columns ``run_a``, ``index_a``, ``run_b``, ``index_b``, ``kind`` (``lock`` or
-        ``forbid``); ``index`` is the place in the run's ``/welds``.
+    locks : pairs that must, or must not, be one weld: columns ``run_a``, ``index_a``, ``run_b``, ``index_b``, ``kind``
+        (``lock`` or ``forbid``); ``index`` is the place in the run's ``/welds``.
     progress : called with the fraction done.
 
     Raises
@@ -71,6 +73,7 @@ def match_runs(
     options = options or MatchOptions()
     lists = [weld_list(run, options.least_joint_m) for run in runs]
     ref = _reference(lists, reference)
+    locks = None if locks is None else check_locks(locks)
     pairs = _align_all(lists, ref, options, locks, progress)
     scales = _scales(pairs, lists, ref)
     posteriors = {
@@ -81,13 +84,12 @@ def match_runs(
     model = max((p.model for p in pairs.values()), key=lambda m: m.rates.sigma)
     changes = find_changes(registry, own, model.rates.sigma)
     real = real_columns(registry, own, lists, changes, model)
-    maps = _maps(registry, lists, ref, changes, pairs)
-    welds = weld_rows(
-        registry, lists, own, changes, real, lambda r, s: maps[lists[r].run].to_run(s), options.shift_m
-    )
-    welds = build.table("welds", welds)
-    joints = joint_table(registry, lists, ref, changes, real, pairs, welds)
-    return Matching(welds, joints, maps, _pair_table(pairs, lists), _edit_table(welds, registry, lists, changes, real), lists[ref].run)
+    moved = displacement(registry, own)
+    maps = _maps(registry, lists, ref, changes, pairs, moved, options.shift_m)
+    history = History(registry, lists, own, changes, real, moved)
+    welds = build.table("welds", weld_rows(history, lambda r, s: maps[lists[r].run].to_run(s), options.shift_m))
+    joints = joint_table(history, ref, pairs)
+    return Matching(welds, joints, maps, _pair_table(pairs, lists), edit_table(history, welds), lists[ref].run)
 
 
 def _reference(lists: list[WeldList], reference: str | None) -> int:
@@ -109,7 +111,10 @@ def _align_all(lists, ref, options, locks, progress) -> dict[tuple[int, int], Pa
     todo = sorted(itertools.combinations(range(len(lists)), 2), key=lambda p: ref not in p)
     for done, (a, b) in enumerate(todo):
         try:
-            found[a, b] = align(lists[a].place, lists[b].place, options, (lists[a].run, lists[b].run))
+            one, other = lists[a], lists[b]
+            held = locks_between(locks, one, other)
+            traits = Traits.of(one), Traits.of(other)
+            found[a, b] = align(one.place, other.place, options, (one.run, other.run), traits, held)
         except WrongLineError as fault:
             faults += fault.faults
         if progress:
@@ -134,7 +139,7 @@ def _scales(pairs, lists, ref) -> dict[int, float]:
     return scales
 
 
-def _maps(registry: Registry, lists, ref, changes, pairs) -> dict[str, ChainageMap]:
+def _maps(registry: Registry, lists, ref, changes, pairs, moved, shift_m) -> dict[str, ChainageMap]:
     maps = {}
     for r, welds in enumerate(lists):
         if r == ref:
@@ -142,6 +147,10 @@ def _maps(registry: Registry, lists, ref, changes, pairs) -> dict[str, ChainageM
             continue
         rows = np.flatnonzero(registry.member[:, r] >= 0)
         common = rows[registry.member[rows, ref] >= 0]
+        steady = common[
+            np.maximum(np.abs(moved[common, r]), np.abs(moved[common, ref])) < shift_m
+        ]  # a displaced weld bends the map
+        common = steady if steady.size >= 2 else common
         if common.size < 2:
             common = rows
         broken = _broken(registry, changes, ref, r, common)
@@ -188,72 +197,3 @@ def _pair_table(pairs, lists) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
-
-
-def _edit_table(welds, registry, lists, changes, real) -> pd.DataFrame:
-    columns = ["kind", "run", "first_weld", "last_weld", "start_m", "end_m", "n_old", "n_new", "reason"]
-    ids = _ids(welds, registry, lists, real)
-    rows = [
-        {
-            "kind": c.kind,
-            "run": lists[c.after].run,
-            "first_weld": ids[c.first],
-            "last_weld": ids[c.last],
-            "start_m": registry.place[c.first],
-            "end_m": registry.place[c.last],
-            "n_old": c.n_old,
-            "n_new": c.n_new,
-            "reason": f"{c.n_old} joints ({c.length_old:.2f} m) in {lists[c.before].run}, {c.n_new} ({c.length_new:.2f} m) in {lists[c.after].run}",
-        }
-        for c in changes
-    ]
-    single = welds[welds["status"].isin(["missed", "false", "shifted"])]
-    rows += [
-        {
-            "kind": w.status,
-            "run": w.run,
-            "first_weld": w.weld_id,
-            "last_weld": w.weld_id,
-            "start_m": w.reference_chainage_m,
-            "end_m": w.reference_chainage_m,
-            "n_old": 0,
-            "n_new": 0,
-            "reason": w.reason,
-        }
-        for w in single.itertuples()
-    ]
-    rows += _ends(registry, lists, ids)
-    return pd.DataFrame(rows, columns=columns)
-
-
-def _ends(registry, lists, ids) -> list[dict]:
-    """Where a run begins or ends within the line of the others."""
-    rows = []
-    for r, welds in enumerate(lists):
-        have = np.flatnonzero(registry.member[:, r] >= 0)
-        for column, side, beyond in ((have[0], "begins", have[0]), (have[-1], "ends", registry.place.size - 1 - have[-1])):
-            if beyond:
-                far = registry.place[0] if side == "begins" else registry.place[-1]
-                rows.append(
-                    {
-                        "kind": "ends",
-                        "run": welds.run,
-                        "first_weld": ids[column],
-                        "last_weld": ids[column],
-                        "start_m": min(far, registry.place[column]),
-                        "end_m": max(far, registry.place[column]),
-                        "n_old": int(beyond),
-                        "n_new": 0,
-                        "reason": f"the run {side} here; other runs have {beyond} more welds",
-                    }
-                )
-    return rows
-
-
-def _ids(welds, registry, lists, real) -> list[str]:
-    by_weld = {(w.run, int(w.index_)): w.weld_id for w in welds.rename(columns={"index": "index_"}).dropna(subset=["index_"]).itertuples()}
-    ids = []
-    for column in range(registry.place.size):
-        r = int(np.flatnonzero(registry.member[column] >= 0)[0])
-        ids.append(by_weld[lists[r].run, int(lists[r].index[registry.member[column, r]])])
-    return ids

@@ -53,7 +53,7 @@ def _split(whole, g_whole, pieces, missed, false):
     return real + none + mixed
 
 
-def alignments(x, y, g, g_at, t, evidence=lambda i, j: 1.0):
+def alignments(x, y, g, g_at, t, evidence=lambda i, j: 1.0, ending=lambda i, j: 1.0):
     """Weight of all alignments, posterior of every pair, part of it displaced, weight of the best alignment."""
     n, m = len(x), len(y)
     moves = [(1, 1), (1, 2), (2, 1), (1, 3), (3, 1), (2, 2)]
@@ -66,7 +66,7 @@ def alignments(x, y, g, g_at, t, evidence=lambda i, j: 1.0):
 
     steps = [("M", "D", 1, 1, t.open_both), ("D", "D", 1, 1, t.extend)]
     for s, di, dj in (("A", 1, 0), ("B", 0, 1)):
-        steps += [("M", s, di, dj, t.open_one), ("D", s, di, dj, t.switch), (s, s, di, dj, t.extend_one)]
+        steps += [("D", s, di, dj, t.switch), (s, s, di, dj, t.extend_one)]
 
     close = {"D": t.close, "A": t.close_one, "B": t.close_one}
 
@@ -87,7 +87,7 @@ def alignments(x, y, g, g_at, t, evidence=lambda i, j: 1.0):
                         into["M"].append(f["M"][i - a, j - b] * sum(weight(a, b, i, j)))
                 for s in "DAB":
                     f[s][i, j] = join(into[s])
-                into["M"] += [close[s] * f[s][i, j] for s in "DAB"]
+                into["M"] += [close[s] * ending(i, j) * f[s][i, j] for s in "DAB"]
                 f["M"][i, j] = join(into["M"]) * evidence(i, j)
         ends = [f[s][i, j] for s in STATES for i in range(n) for j in range(m) if i == n - 1 or j == m - 1]
         return f, join(ends)
@@ -111,6 +111,6 @@ def alignments(x, y, g, g_at, t, evidence=lambda i, j: 1.0):
                         shifted[i + 1, j + 1] += f["M"][i, j] * same * after / total
             rest["M"][i, j] = out["M"]
             for s in "DAB":
-                rest[s][i, j] = out[s] + close[s] * evidence(i, j) * out["M"]
+                rest[s][i, j] = out[s] + close[s] * ending(i, j) * evidence(i, j) * out["M"]
     match = f["M"] * rest["M"] / total + shifted
     return total, match, shifted, best

@@ -1,0 +1,181 @@
+"""The alignment of two weld lists: equal to its naive twin, right in either direction, honest about its probability, and refusing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deform.correlate import _kernels
+from deform.correlate.alignment import align
+from deform.correlate.evidence import Locks, from_locks
+from deform.correlate.length_model import LengthModel, first_rates, length_density, noise
+from deform.correlate.seeds import band
+from deform.errors import WrongLineError
+from deform.options import MatchOptions
+from tests.correlate.lines import Line, cut_out, cut_outs, line, observe, score
+from tests.naive.weld_alignment import alignments
+
+OPTIONS = MatchOptions()
+
+
+def aligned(a: Line, b: Line, **more):
+    return align(a.place, b.place, OPTIONS, **more)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("locked", [False, True])
+def test_banded_kernels_equal_the_whole_matrix_written_plainly(seed, locked):
+    rng = np.random.default_rng(seed)
+    true = line(rng, 24, pups=0.2)
+    a, b = observe(rng, true, missed=0.1, false=0.1), observe(rng, cut_out(rng, true, 9, 4, 5), missed=0.1, false=0.1)
+    x, y = a.place, b.place
+    locks = Locks(np.asarray([[3, 3]]), np.asarray([[6, 6]])) if locked else None
+    ev = from_locks(locks, x.size, y.size)
+    rates = first_rates(0.05)
+    both = LengthModel(rates, *length_density(x, y, sigma=0.05)).lists(x, y, np.full((x.size, 2), 3.0), np.full(x.size, 5.0))
+    none = np.empty(0, np.int64)
+    whole = band(x.size, y.size, none, none, 0)
+    forward = _kernels.forward(both, whole, rates, ev)
+    match, shifted = _kernels.backward(both, whole, rates, ev, *forward)
+    best = _kernels.trace_back(*_kernels.fill(both, whole, rates, ev), whole, y.size)[2]
+    twin_total, twin_match, twin_shifted, twin_best = alignments(
+        x,
+        y,
+        lambda which, k: 1.0 / (both.inv_a if which == "a" else both.inv_b)[k],
+        lambda length: both.density[int(length / _kernels.BIN)],
+        rates,
+        lambda i, j: float(_kernels.evidence(i, j, ev)),
+        lambda i, j: float(_kernels.ending(i, j, both)),
+    )
+    assert forward[3] == pytest.approx(np.log(twin_total), abs=1e-9)
+    assert best == pytest.approx(np.log(twin_best), abs=1e-9)
+    np.testing.assert_allclose(match.reshape(twin_match.shape), twin_match, atol=1e-6)
+    np.testing.assert_allclose(shifted.reshape(twin_match.shape), twin_shifted, atol=1e-6)
+    np.testing.assert_array_less(match.reshape(twin_match.shape).sum(axis=0), 1 + 1e-5)
+    np.testing.assert_array_less(match.reshape(twin_match.shape).sum(axis=1), 1 + 1e-5)
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize("scale", [0.97, 1.03])
+def test_a_long_line_is_matched_in_either_direction_at_any_scale(reverse, scale):
+    rng = np.random.default_rng(5)
+    true = line(rng, 3000)
+    later, _ = cut_outs(rng, true, 12)
+    a = observe(rng, true, wander=0.01)
+    b = observe(rng, later, scale=scale, wander=0.01, reverse=reverse)
+    found = aligned(a, b)
+    recall, precision, wrong = score(found.partner, a, b)
+    assert found.direction == (-1 if reverse else 1)
+    assert found.scale == pytest.approx(scale, abs=0.012)
+    assert recall >= 0.995
+    assert precision >= 0.996
+    assert wrong <= 15
+    pairs = zip(found.i, found.j, found.posterior, strict=True)
+    sure_but_wrong = [p for i, j, p in pairs if p > 0.99 and (a.weld[i] < 0 or a.weld[i] != b.weld[j])]
+    assert len(sure_but_wrong) <= 2  # joints that are alike by chance: mostly the probability says so
+
+
+def test_five_percent_of_false_welds_are_left_out():
+    rng = np.random.default_rng(7)
+    true = line(rng, 2000)
+    a, b = observe(rng, true, false=0.05), observe(rng, true, false=0.05)
+    recall, precision, _ = score(aligned(a, b).partner, a, b)
+    assert recall > 0.99
+    assert precision > 0.998
+
+
+def test_two_missed_welds_side_by_side_are_one_joint_against_three():
+    rng = np.random.default_rng(8)
+    true = line(rng, 200, equal=0.1)
+    a = observe(rng, true, missed=0, false=0)
+    b = Line(np.delete(a.place, [90, 91]), np.delete(a.weld, [90, 91]))
+    found = aligned(a, b)
+    assert found.partner[89] == 89
+    assert found.partner[92] == 90
+    assert (found.partner[[90, 91]] == -1).all()
+
+
+def test_lengths_rounded_to_a_tenth_of_a_foot_are_matched():
+    rng = np.random.default_rng(9)
+    true = line(rng, 1000)
+    a, b = observe(rng, true, noise=0.01), observe(rng, true, noise=0.01)
+    joints = np.round(np.diff(b.place) / 0.03048) * 0.03048
+    b = Line(np.concatenate([[0.0], np.cumsum(joints)]), b.weld)
+    recall, precision, _ = score(aligned(a, b).partner, a, b)
+    assert recall > 0.995
+    assert precision > 0.998
+
+
+def test_feet_read_as_metres_are_matched_and_said(caplog):
+    rng = np.random.default_rng(10)
+    true = line(rng, 500)
+    a, b = observe(rng, true), observe(rng, true)
+    found = aligned(a, Line(b.place / 0.3048, b.weld))
+    assert score(found.partner, a, b)[0] > 0.995
+    assert found.scale == pytest.approx(1 / 0.3048, rel=0.01)
+    assert "feet" in caplog.text
+
+
+def test_a_displaced_weld_keeps_its_partner():
+    rng = np.random.default_rng(12)
+    true = line(rng, 300)
+    a, b = observe(rng, true, missed=0, false=0), observe(rng, true, missed=0, false=0)
+    moved = b.place.copy()
+    moved[150] -= 1.06
+    found = aligned(a, Line(moved, b.weld))
+    assert found.partner[150] == 150
+    at = np.flatnonzero((found.i == 150) & (found.j == 150))
+    assert found.shifted[at] > 0.9 * found.posterior[at]
+
+
+def test_a_run_over_a_part_of_the_line_is_placed_within_it():
+    rng = np.random.default_rng(13)
+    true = line(rng, 1500)
+    a, whole = observe(rng, true), observe(rng, true)
+    b = Line(whole.place[600:760] - whole.place[600], whole.weld[600:760])
+    recall, precision, wrong = score(aligned(a, b).partner, a, b)
+    assert recall > 0.98
+    assert wrong <= 1
+
+
+def test_a_list_with_a_tenth_of_the_welds_is_refused_with_the_numbers():
+    rng = np.random.default_rng(14)
+    true = line(rng, 1000)
+    a, b = observe(rng, true), observe(rng, true, missed=0.9)
+    with pytest.raises(WrongLineError, match=rf"{b.place.size} welds.*lacks most of its welds"):
+        aligned(a, b)
+
+
+def test_locked_and_forbidden_pairs_are_honoured():
+    rng = np.random.default_rng(15)
+    true = line(rng, 200)
+    a, b = observe(rng, true, missed=0, false=0), observe(rng, true, missed=0, false=0)
+    forced = Locks(np.asarray([[100, 101]]), np.asarray([[50, 50]]))
+    for reverse in (False, True):
+        given = Line(-b.place[::-1], b.weld[::-1]) if reverse else b
+        locks = Locks(np.asarray([[100, given.place.size - 102 if reverse else 101]]), np.asarray([[50, 150 if reverse else 50]]))
+        found = align(a.place, given.place, OPTIONS, locks=locks if reverse else forced)
+        assert given.weld[found.partner[100]] == 101
+        assert found.partner[50] == -1 or given.weld[found.partner[50]] != 50
+        assert given.weld[found.partner[10]] == 10
+        assert given.weld[found.partner[190]] == 190
+
+
+def test_matching_does_not_depend_on_where_chainage_begins():
+    rng = np.random.default_rng(16)
+    true = line(rng, 300)
+    a, b = observe(rng, true), observe(rng, true)
+    one = aligned(a, b)
+    other = aligned(Line(a.place + 1e5, a.weld), Line(b.place - 4e4, b.weld))
+    np.testing.assert_array_equal(one.partner, other.partner)
+
+
+def test_swapping_the_two_runs_gives_the_same_pairs():
+    rng = np.random.default_rng(17)
+    true = line(rng, 500)
+    later, _ = cut_outs(rng, true, 3)
+    a, b = observe(rng, true), observe(rng, later)
+    one, other = aligned(a, b).partner, aligned(b, a).partner
+    there = np.flatnonzero(one >= 0)
+    agree = other[one[there]] == there
+    assert agree.mean() > 0.995
