@@ -1,4 +1,6 @@
-"""False alarms and power of the search for movement, against what the toolkit states: simulated lines, no movement and known movement."""
+"""False alarms and power of the search for movement, against what the toolkit states: simulated lines, no movement and known
+movement.
+"""
 
 from __future__ import annotations
 

@@ -135,3 +135,26 @@ def block_means(values, size, out):
                     total += v
                     count += 1
             out[i, c] = total / count if 2 * count >= size else np.nan
+
+
+@numba.njit(cache=True, error_model="numpy", parallel=True)
+def curvature_difference(
+    before, after, sigma_before, sigma_after, stated, classes, factor, map_sigma, fraction, shift, step, change, sigma
+):
+    """Change of curvature and its sigma: f² (σ₁² + σ₂²) + (a k)² + (b² + σ_map²) (dk/ds)²; ``factor[class + 1]`` is f."""
+    n = before.shape[0]
+    for i in numba.prange(n):
+        change[i] = after[i] - before[i]
+        quiet = factor[classes[i] + 1]
+        square = quiet * quiet
+        if stated:
+            square *= sigma_before[i] * sigma_before[i] + sigma_after[i] * sigma_after[i]
+        k = before[i]
+        left, right = max(i - 1, 0), min(i + 1, n - 1)
+        slope = (before[right] - before[left]) / (step * max(right - left, 1))
+        if slope == slope:
+            wrong = map_sigma[i]
+            if wrong != wrong:
+                wrong = 0.0
+            square += (shift * shift + wrong * wrong) * slope * slope
+        sigma[i] = np.sqrt(square + fraction * fraction * k * k)

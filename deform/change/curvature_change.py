@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deform.change.noise_floor import bend_terms, floor_by_class, spread
+from deform.change import _kernels
+from deform.change.noise_floor import SPEED_EDGES, bend_terms, floor_by_class, spread
 from deform.change.stack import Layer
 
 Floats = NDArray[Any]
 COMPONENTS = ("horizontal", "vertical")
+_SAMPLE = 1_000_000  # places that the noise is learned from, at most
 
 
 @dataclass(frozen=True)
@@ -56,27 +58,43 @@ def curvature_change(
     name = f"curvature_{component}"
     if not (reference.has(name) and other.has(name)):
         return None
-    base, change = reference.values[name], other.values[name] - reference.values[name]
-    formal = _formal(reference, other, name, change)
+    base, there = reference.values[name], other.values[name]
+    stated = _stated(reference, other, name)
+    table, floors, a, b = _noise(base, there, stated, step, classes, stable)
+    change, sigma = np.empty(base.size), np.empty(base.size)
+    ones = stated if stated is not None else (base, base)
+    _kernels.curvature_difference(
+        base, there, *ones, stated is not None, classes, table, other.run_chainage_sigma, a, b, step, change, sigma
+    )
+    return CurvatureChange(change, sigma, floors, a, b)
+
+
+def _noise(base, there, stated, step, classes, stable):
+    """Factor on the stated sigma by class (place class + 1), noise floors (1/m), and what bends add; from a sample of the
+    pipe.
+    """
+    at = np.arange(1, base.size - 1, max(base.size // _SAMPLE, 1))
+    k, change, still, speed = base[at], there[at] - base[at], stable[at], classes[at]
+    formal = np.hypot(stated[0][at], stated[1][at]) if stated is not None else np.ones(at.size)
+    slope = (base[at + 1] - base[at - 1]) / (2.0 * step)
     with np.errstate(invalid="ignore", divide="ignore"):
-        middle = 0.5 * np.abs(base + other.values[name])
-        straight = stable & (middle < 4.0 * spread(change[stable]))
-        use = straight if straight.sum() > 200 else stable
-        factor, floors = floor_by_class(change / formal, classes, use)
-    factor = np.where(np.isfinite(factor), factor, 1.0)
-    quiet = factor * formal
-    a, b = bend_terms(change, quiet, base, step, stable)
-    slope = np.nan_to_num(np.gradient(base, step))
-    shift = np.sqrt(b**2 + np.nan_to_num(other.run_chainage_sigma) ** 2)
-    sigma = np.sqrt(quiet**2 + (a * base) ** 2 + (shift * slope) ** 2)
-    typical = float(np.nanmedian(formal)) if np.isfinite(formal).any() else np.nan
-    return CurvatureChange(change, sigma, {k: v * typical for k, v in floors.items()}, a, b)
+        straight = still & (0.5 * np.abs(k + there[at]) < 4.0 * spread(change[still]))
+        ratio = change / formal
+    factor, found = floor_by_class(ratio, speed, straight if straight.sum() > 200 else still)
+    whole = found[-1] if np.isfinite(found[-1]) else 1.0
+    table = np.full(len(SPEED_EDGES) + 2, whole)
+    for number, value in found.items():
+        table[number + 1] = value if np.isfinite(value) else whole
+    a, b = bend_terms(change, np.where(np.isfinite(factor), factor, 1.0) * formal, k, slope, still)
+    typical = float(np.nanmedian(formal)) if np.isfinite(formal).any() else float("nan")
+    return table, {number: value * typical for number, value in found.items()}, a, b
 
 
-def _formal(reference: Layer, other: Layer, name: str, change: Floats) -> Floats:
-    """Root sum of squares of the stated sigmas, one for all where a run states none."""
-    if reference.has(f"{name}_sigma") and other.has(f"{name}_sigma"):
-        formal = np.hypot(reference.values[f"{name}_sigma"], other.values[f"{name}_sigma"])
-        if (formal[np.isfinite(change)] > 0).all():
-            return formal
-    return np.where(np.isfinite(change), 1.0, np.nan)
+def _stated(reference: Layer, other: Layer, name: str) -> tuple[Floats, Floats] | None:
+    """Sigmas that the two runs state, or None where one of them states none."""
+    name = f"{name}_sigma"
+    if not (reference.has(name) and other.has(name)):
+        return None
+    pair = reference.values[name], other.values[name]
+    some = slice(0, None, max(pair[0].size // _SAMPLE, 1))
+    return pair if all((part[some] > 0).any() and not (part[some] <= 0).any() for part in pair) else None

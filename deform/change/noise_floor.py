@@ -65,7 +65,7 @@ def floor_by_class(values: Floats, classes: Floats, stable: Floats) -> tuple[Flo
     return out, floors
 
 
-def bend_terms(change: Floats, base: Floats, curvature: Floats, step: float, stable: Floats) -> tuple[float, float]:
+def bend_terms(change: Floats, base: Floats, curvature: Floats, slope: Floats, stable: Floats) -> tuple[float, float]:
     """Return what bends add to the noise of a curvature change: a fraction of the curvature, and a shift along the pipe (m).
 
     Parameters
@@ -73,7 +73,7 @@ def bend_terms(change: Floats, base: Floats, curvature: Floats, step: float, sta
     change : (n,) curvature change (1/m).
     base : (n,) its sigma on straight pipe (1/m).
     curvature : (n,) curvature of the reference run (1/m).
-    step : spacing (m).
+    slope : (n,) its change along the pipe (1/m²).
     stable : (n,) true where the pipe did not change.
 
     Notes
@@ -82,7 +82,6 @@ def bend_terms(change: Floats, base: Floats, curvature: Floats, step: float, sta
     curvature and equal slope; a, b ≥ 0 by non-negative least squares on the cells, weighted by their size. Without bends both
     are zero.
     """
-    slope = np.gradient(curvature, step)
     good = stable & np.isfinite(change) & np.isfinite(curvature) & np.isfinite(slope)
     bent = good & ((np.abs(curvature) > 5.0 * base) | (np.abs(slope) * 0.05 > base))
     if bent.sum() < 40:
