@@ -106,10 +106,11 @@ def fit_dent(samples: DentSamples, centre: float, clock: float, depth: float, si
     guess = np.array([depth, centre, 0.0, 0.25, 0.2, _FULLNESS, _FULLNESS])
     solution = None
     for _ in range(3):
-        inward = inward_departure(samples, clock, half_sector)
-        if inward is None:
+        seen = inward_departure(samples, clock, half_sector)
+        if seen is None:
             return None
-        around = _wrap(samples.clock - clock) * mean_radius
+        inward, clocks = seen
+        around = _wrap(np.nan_to_num(clocks) - clock) * mean_radius
         use = np.isfinite(inward) & (np.abs(around) < 2.0 * mean_radius)
         use &= np.abs(samples.place[:, None] - centre) < 1.2 * max(guess[3], 0.15)
         if use.sum() < 12:
@@ -134,8 +135,8 @@ def shape(unknowns: np.ndarray, along: np.ndarray, around: np.ndarray) -> np.nda
     return depth * np.exp(-_LN10 * (first**p + second**q))
 
 
-def inward_departure(samples: DentSamples, clock: float, half_sector: float) -> np.ndarray | None:
-    """How far each reading stands inside the undamaged section (m), positive inward.
+def inward_departure(samples: DentSamples, clock: float, half_sector: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """How far each reading stands inside the undamaged section (m, positive inward), and its clock (rad) about the centre.
 
     The section (mean radius, oval, both linear along the pipe) comes from the scans outside the stretch, the tool's offset
     in each scan from the arms outside the dent's sector.
@@ -166,7 +167,10 @@ def inward_departure(samples: DentSamples, clock: float, half_sector: float) -> 
         weight = np.where(there, np.clip(1 - (residual / width) ** 2, 0, None) ** 2, 0.0)
         left = np.where(there, sound - model + bend, 0.0)
     good = (determinant > 1e-3) & np.isfinite(shift2[:, 0])
-    return np.where(good[:, None], model + offset - samples.radius, np.nan)
+    inward = np.where(good[:, None], model + offset - samples.radius, np.nan)
+    with np.errstate(invalid="ignore"):
+        centred = np.arctan2(samples.radius * sin - right[:, None], samples.radius * cos - up[:, None])
+    return inward, centred
 
 
 def _flank_section(samples: DentSamples, flank: np.ndarray) -> np.ndarray | None:

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from deform.caliper import ovality
+from deform.caliper.arms import examine_arms
 from deform.caliper.cross_section import ScanLog, SectionFitter, log_scans
 from deform.caliper.dents import candidates, measure_dents
 from deform.caliper.scans import ScanBlock, ScanReader
@@ -76,8 +77,10 @@ def measure(
         return Measurement(welds=weld_log(channels, trajectory, options.weld_cluster_m, joint))
     tell(0.05)
     reader = ScanReader(raw, trajectory, options.block_scans)
-    sigma = raw.header.caliper.noise_m or 3e-4
-    fitters = [SectionFitter(angle, sigma, options.largest_lost_arms) for angle in reader.angle_rad]
+    state = examine_arms(reader, raw.header.caliper.noise_m or 3e-4, options.largest_lost_arms)
+    reader.calibrate(state.offset, state.dead)
+    sigma = float(state.sigma.max())
+    fitters = [SectionFitter(a, s, options.largest_lost_arms) for a, s in zip(reader.angle_rad, state.sigma, strict=True)]
     coarse, logs = _log_and_map(reader, fitters, options, tell)
     diameter = raw.header.pipe.outside_diameter_m
     least = options.least_dent_depth_od * diameter

@@ -75,7 +75,7 @@ def detail_maps(
         for ring, (log, fitter) in enumerate(zip(logs, fitters, strict=True)):
             for first, last in scan_ranges(log, start, stop):
                 block = reader.read(ring, first, last)
-                clock = reader.sign * (reader.angle_rad[ring][None, :] + block.roll[:, None])
+                clock = centred_clock(reader, ring, block, log.right[first:last], log.up[first:last])
                 flat = replace(block, radius=block.radius + relief(near, block.chainage[:, None], clock))
                 harmonics, *_ = fitter.fit(flat.radius)
                 _, right, up, *_ = to_pipe_clock(harmonics, block.roll, reader.sign)
@@ -92,12 +92,19 @@ def relieve(reader: ScanReader, logs: list[ScanLog], fitters: list[SectionFitter
             for first, last in scan_ranges(log, fit.centre - fit.length, fit.centre + fit.length):
                 block = reader.read(ring, first, last)
                 near = [f for f in fits if abs(f.centre - fit.centre) < fit.length + f.length]
-                clock = reader.sign * (reader.angle_rad[ring][None, :] + block.roll[:, None])
+                clock = centred_clock(reader, ring, block, log.right[first:last], log.up[first:last])
                 harmonics, _, spread, used = fitter.fit(block.radius + relief(near, block.chainage[:, None], clock))
                 values = (*to_pipe_clock(harmonics, block.roll, reader.sign), spread, used)
                 names = ("radius", "right", "up", "oval_cos", "oval_sin", "spread", "used")
                 for name, value in zip(names, values, strict=True):
                     getattr(log, name)[first:last] = value
+
+
+def centred_clock(reader: ScanReader, ring: int, block: ScanBlock, right: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Clock (n, arms) in rad of each arm, seen from the centre of the pipe at right, up (m) of the tool."""
+    clock = reader.sign * (reader.angle_rad[ring][None, :] + block.roll[:, None])
+    mean = np.nanmean(block.radius)
+    return np.arctan2(mean * np.sin(clock) - right[:, None], mean * np.cos(clock) - up[:, None])
 
 
 def relief(fits: list[DentFit], place: np.ndarray, clock: np.ndarray) -> np.ndarray | float:
