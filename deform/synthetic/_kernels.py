@@ -326,3 +326,29 @@ def wall_radius(place, clock, j, joints):
     if joints[j, 5] > 0.0 and abs(place - 0.5 * (joints[j, 0] + end)) < 0.15:
         radius += joints[j, 5]
     return radius
+
+
+@njit(cache=True, error_model="numpy")
+def follow(increments, method, out):
+    """Fill out (n, 3, 3) with the attitude after each increment (n, 3), from the identity on.
+
+    method 0: rotation vector; 1: rotation vector with the coning term of two neighbouring increments; 2, 3, 4: product of
+    elementary turns in the orders x y z, y z x, z x y.
+    """
+    C = np.eye(3)
+    bx = by = bz = 0.0
+    for n in range(increments.shape[0]):
+        x, y, z = increments[n, 0], increments[n, 1], increments[n, 2]
+        if method == 0:
+            geometry.turn_right(C, x, y, z)
+        elif method == 1:
+            cx, cy, cz = geometry.cross(bx, by, bz, x, y, z)
+            geometry.turn_right(C, x + cx / 12.0, y + cy / 12.0, z + cz / 12.0)
+            bx, by, bz = x, y, z
+        else:
+            for k in range(3):
+                axis = (method - 2 + k) % 3
+                geometry.turn_right(C, x if axis == 0 else 0.0, y if axis == 1 else 0.0, z if axis == 2 else 0.0)
+        for r in range(3):
+            for c in range(3):
+                out[n, r, c] = C[r, c]
