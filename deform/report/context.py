@@ -11,6 +11,7 @@ import xarray as xr
 
 from deform.options import ReportOptions
 from deform.report.content import Content, records
+from deform.run.history import toolkit_version
 from deform.units import clock_text
 
 _COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
@@ -62,7 +63,7 @@ def build_context(content: Content, options: ReportOptions) -> dict[str, Any]:
         "title": options.title or f"{content.line}: deformation report",
         "line": content.line,
         "made": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "version": str(content.survey.get("deform_version", "")),
+        "version": str(content.survey.get("deform_version") or toolkit_version()),
         "reference": content.reference,
         "verdict": verdict(content, zones, dents),
         "limits_of_sources": what_is_missing(content),
@@ -71,6 +72,7 @@ def build_context(content: Content, options: ReportOptions) -> dict[str, Any]:
         "zones": zones,
         "dents": dents,
         "trends": trend_rows(content),
+        "features": feature_rows(content),
         "limit_names": list(dict.fromkeys(n for n in content.tables["trends"].limit_name if n)),
         "compared": content.comparison is not None,
         "options": options,
@@ -274,7 +276,7 @@ def verdict(content: Content, zones: list[dict], dents: list[dict]) -> list[str]
     """Return the findings of the survey, one sentence each, the gravest first."""
     if len(content.runs) == 1:
         alone = f"One run ({content.ids[0]}): what the pipe is like today. Change needs a second run."
-        return [alone, *_dent_verdict(dents, 1)]
+        return [alone, *_extremes(content), *_dent_verdict(dents, 1)]
     span = f"between {content.runs[0].attrs.get('date')} and {content.runs[-1].attrs.get('date')}"
     moved = [z for z in zones if z["kind"] != "reconfiguration"]
     said = []
@@ -291,6 +293,51 @@ def verdict(content: Content, zones: list[dict], dents: list[dict]) -> list[str]
         were = "was" if len(replaced) == 1 else "were"
         said.append(f"{_count(len(replaced), 'stretch', 'stretches')} of pipe {were} replaced or re-routed.")
     return said + _dent_verdict(dents, len(content.runs))
+
+
+def _extremes(content: Content) -> list[str]:
+    """Return where the bending strain and the ovality of a single run are largest."""
+    ds, said = content.group(content.ids[0], "centreline"), []
+    for name, title, show in (
+        ("bending_strain", "bending strain", microstrain),
+        ("ovality", "ovality", lambda v: f"{100 * v:.2f} %"),
+    ):
+        if ds is None or name not in ds or not np.isfinite(ds[name].values).any():
+            continue
+        i = int(np.nanargmax(ds[name].values))
+        said.append(
+            f"Largest {title}: {show(float(ds[name].values[i]))} at {number(ds['chainage'].values[i], 1, 'm')}, bends included."
+        )
+    return said
+
+
+def feature_rows(content: Content) -> dict[str, Any]:
+    """Return how many features of which kind every run holds, and the features of the last run that holds any."""
+    counts: dict[str, dict[str, int]] = {}
+    last: dict[str, Any] = {"run": "", "rows": []}
+    for run in content.ids:
+        ds = content.group(run, "features")
+        if ds is None or not ds.sizes.get("feature"):
+            continue
+        kinds, number_of = np.unique(ds["kind"].values.astype(str), return_counts=True)
+        for kind, n in zip(kinds, number_of, strict=True):
+            counts.setdefault(str(kind), {})[run] = int(n)
+        last = {"run": run, "rows": _features(ds)}
+    table = [(kind, [str(row.get(run, NOTHING)) for run in content.ids]) for kind, row in sorted(counts.items())]
+    return {"counts": table, "runs": content.ids, **last}
+
+
+def _features(ds: xr.Dataset) -> list[list[Any]]:
+    columns = []
+    for name in ("chainage", "chainage_end", "kind", "clock", "value", "text", "label"):
+        values = ds[name].values if name in ds else np.full(ds.sizes["feature"], "" if name in ("text", "label") else np.nan)
+        columns.append(values)
+    rows = []
+    for start, end, kind, clock, value, text, label in zip(*columns, strict=True):
+        hour = clock_text(float(clock)) if np.isfinite(clock) else None
+        sizes = [None if not np.isfinite(v) else round(float(v), 4) for v in (start, end, value)]
+        rows.append([sizes[0], sizes[1], str(kind), hour, sizes[2], str(text), str(label)])
+    return rows
 
 
 def _peaks(moved: list[dict]) -> list[str]:

@@ -27,7 +27,7 @@ def write(content: Content, options: ReportOptions) -> Path:
         cards=cards,
         more_dents=max(len(numbers["dents"]) - len(cards), 0),
         quality=quality(content),
-        data=script_json(data | {"surfaces": surfaces}),
+        data=script_json(data | {"surfaces": surfaces, "features": numbers["features"]["rows"]}),
         plotly=plotly_script(),
     )
     path = content.folder / "report" / "index.html"

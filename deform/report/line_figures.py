@@ -41,9 +41,16 @@ def plan(ds: xr.Dataset, zones: list[dict]) -> Figure:
         ax.set_aspect("equal", adjustable="datalim")
         turn = ds.attrs.get("turn_deg", 90.0)
         ax.set(xlabel=f"along {turn % 360:.0f}° (m)", ylabel="across (m)", title="Plan")
-        tip = np.array([np.cos(np.radians(turn)), np.sin(np.radians(turn))])
+        tip = 28 * np.array([np.cos(np.radians(turn)), np.sin(np.radians(turn))])
         arrow = {"arrowstyle": "<-", "color": INK}
-        ax.annotate("N", (0.95, 0.85), xytext=28 * tip, xycoords="axes fraction", textcoords="offset points", arrowprops=arrow)
+        ax.annotate(
+            "N",
+            (0.95, 0.85),
+            xytext=(float(tip[0]), float(tip[1])),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            arrowprops=arrow,
+        )
     return figure
 
 
@@ -109,7 +116,7 @@ def zone_detail(ds: xr.Dataset) -> Figure:
     ]
     rows = [row for row in rows if row[0] in ds]
     with rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(_WIDE, 3.5))
+        figure = Figure(figsize=(_WIDE, 3.2))
         axes = np.ravel(figure.subplots(-(-max(len(rows), 1) // 2), 2, sharex=True, squeeze=False))
         for ax, (name, label) in zip(axes, rows, strict=False):
             factor = 1.0 if "displacement" in name else 1e6
@@ -145,7 +152,7 @@ def curvature_comparison(ds: xr.Dataset, component: str) -> Figure:
     runs = [str(r) for r in ds["run"].values]
     first = runs.index(ds.attrs["reference"])
     with rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(_WIDE, 2.5))
+        figure = Figure(figsize=(_WIDE, 2.15))
         top, bottom = figure.subplots(2, 1, sharex=True)
         keep = thinned(s, values[first], _POINTS)
         top.plot(s[keep], values[first][keep], label=runs[first], **epoch_style(first))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ _CONTRACT = ("zones", "dents", "trends", "joints", "welds")
 _TITLES = {
     "floors": (
         "Noise floors",
-        "One sigma on the stable pipe of each pair of runs, in metre (displacement, joint length) or 1 (strain).",
+        "On the stable pipe of each pair of runs; a change below k times this is not distinguished from none.",
     ),
     "limits": (
         "Detection limits",
@@ -35,7 +36,7 @@ _NAVIGATION = (
     ("delay", "odometer delay", "ms", 1, 1e3),
 )
 _COMPONENTS = ("east", "north", "up")
-_INNER = {"Conventions", "history", "schema_version", "id", "date", "line", "source", "direction"}
+_INNER = {"Conventions", "history", "schema_version", "id", "date", "line", "source", "direction", "input_sha256", "repairs"}
 _STATUSES = ("matched", "shifted", "missed", "false", "added", "removed")
 
 
@@ -61,7 +62,7 @@ def quality(content: Content) -> dict[str, Any]:
         "warnings": [{key: str(w.get(key, "")) for key in ("stage", "message")} for w in survey.get("warnings", [])],
         "missing": [(m.get("output", ""), m.get("reason", "")) for m in survey.get("missing", [])] + list(content.absent),
         "options": flat(survey.get("options", {})),
-        "inputs": inputs(survey),
+        "inputs": inputs(content),
     }
 
 
@@ -106,12 +107,56 @@ def frame_rows(name: str, frame: pd.DataFrame, most: int = 400) -> dict[str, Any
 
 
 def limit_tables(frame: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return the noise floors and the detection limits of ``tables/limits.csv`` apart."""
-    if "wavelength_m" not in frame:
+    """Return the noise floors and the detection limits of ``tables/limits.csv`` apart, in units for people."""
+    if not {"wavelength_m", "noise_sigma", "run_from", "run_to"} <= set(frame.columns):
         return [frame_rows("limits", frame)]
-    floors = frame[frame.wavelength_m.isna()].drop(columns="wavelength_m")
-    limits = frame[frame.wavelength_m.notna()]
-    return [frame_rows(name, part) for name, part in (("floors", floors), ("limits", limits)) if len(part)]
+    pair = frame.run_from.astype(str) + " to " + frame.run_to.astype(str)
+    frame = frame.assign(pair=pair)
+    tables = []
+    for name, part, columns in (
+        ("floors", frame[frame.wavelength_m.isna()], _FLOOR_COLUMNS),
+        ("limits", frame[frame.wavelength_m.notna()], _LIMIT_COLUMNS),
+    ):
+        shown = {title: column(part) for title, column in columns.items()}
+        if len(part):
+            tables.append(frame_rows(name, pd.DataFrame(shown)))
+    return tables
+
+
+def _text(name: str) -> Callable[[pd.DataFrame], list[str]]:
+    return lambda part: ["" if pd.isna(v) else str(v) for v in part[name]] if name in part else [""] * len(part)
+
+
+def _scaled(name: str, factor: float, decimals: int, unit: str) -> Callable[[pd.DataFrame], list[str]]:
+    return lambda part: [number(v * factor, decimals, unit) for v in part[name]] if name in part else [NOTHING] * len(part)
+
+
+def _floor(part: pd.DataFrame) -> list[str]:
+    in_metre = part.quantity.isin(["displacement", "joint length"])
+    sizes = zip(part.noise_sigma, in_metre, strict=True)
+    return [
+        number(v * 1000, 1, "mm") if metre else number(v * 1e6, 1, "µε" if "strain" in q else "ppm")
+        for (v, metre), q in zip(sizes, part.quantity, strict=True)
+    ]
+
+
+_FLOOR_COLUMNS = {
+    "runs": _text("pair"),
+    "quantity": _text("quantity"),
+    "component": _text("component"),
+    "speeds": _text("speed_class"),
+    "one sigma": _floor,
+}
+_LIMIT_COLUMNS = {
+    "runs": _text("pair"),
+    "component": _text("component"),
+    "length of movement": _scaled("wavelength_m", 1.0, 0, "m"),
+    "found in half of all cases": _scaled("limit_displacement_m", 1000, 1, "mm"),
+    "found in nine of ten": _scaled("limit_90_displacement_m", 1000, 1, "mm"),
+    "its strain change": _scaled("limit_strain_change", 1e6, 1, "µε"),
+    "its elongation": _scaled("limit_axial_strain", 1e6, 2, "µε"),
+    "decided by": _text("decided_by"),
+}
 
 
 def further_tables(content: Content) -> list[dict[str, Any]]:
@@ -180,15 +225,20 @@ def run_details(content: Content, name: str) -> dict[str, Any]:
         "id": name,
         "attrs": attrs,
         "groups": ", ".join(groups),
-        "repairs": [str(r) for r in given.get("repairs", [])],
+        "repairs": [str(r) for r in given.get("repairs") or str(run.attrs.get("repairs", "")).splitlines()],
         "history": str(run.attrs.get("history", "")).splitlines(),
     }
 
 
-def inputs(survey: dict) -> list[tuple[str, str, str]]:
-    """Return (run, file, SHA-256) of every input."""
-    runs = survey.get("runs", [])
-    return [(str(r.get("id")), str(name), str(digest)) for r in runs for name, digest in (r.get("inputs") or {}).items()]
+def inputs(content: Content) -> list[tuple[str, str, str]]:
+    """Return (run, file, SHA-256) of every input, as the survey or else the runs say."""
+    given = {str(r.get("id")): r.get("inputs") or {} for r in content.survey.get("runs", [])}
+    found = []
+    for run in content.ids:
+        lines = [line.split(maxsplit=1) for line in str(content.run(run).attrs.get("input_sha256", "")).splitlines()]
+        files = given.get(run) or {pair[1]: pair[0] for pair in lines if len(pair) == 2}
+        found += [(run, str(name), str(digest)) for name, digest in files.items()]
+    return found
 
 
 def flat(options: Any, prefix: str = "") -> list[tuple[str, str]]:

@@ -185,7 +185,7 @@ def parameters(content: Content) -> Sheet:
     """Return versions, every option, and the hash of every input."""
     rows = [("version", "deform", str(content.survey.get("deform_version", "")))]
     rows += [("option", name, value) for name, value in flat(content.survey.get("options", {})) if name]
-    rows += [("SHA-256", f"{run} {name}", digest) for run, name, digest in inputs(content.survey)]
+    rows += [("SHA-256", f"{run} {name}", digest) for run, name, digest in inputs(content)]
     return pd.DataFrame(rows, columns=["What", "Name", "Value"]), "Everything needed to make these results again."
 
 

@@ -247,6 +247,12 @@
   if (data.welds.rows.length) Tables.fromData(document.getElementById("weld-table"), "welds", columns, data.welds.rows);
   else document.getElementById("weld-table").textContent = "No weld table: one run alone has nothing to match.";
 
+  const features = document.getElementById("feature-table");
+  if (features) {
+    const metre = (title) => ({ title, number: true, decimals: 2 });
+    Tables.fromData(features, "features", [metre("chainage (m)"), metre("end (m)"), { title: "kind" }, { title: "clock" }, { title: "size", number: true, decimals: 3 }, { title: "source's words", words: true }, { title: "label" }], data.features);
+  }
+
   draw();
   if (panels.length) {
     strips.on("plotly_relayout", (change) => {
