@@ -19,9 +19,29 @@ def process(
     options: Options | None = None,
     *,
     control: xr.Dataset | None = None,
+    line: str | None = None,
+    outside_diameter_m: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> xr.DataTree:
     """Return the run of one source: a raw run folder is navigated and measured, a listing is read.
+
+    Parameters
+    ----------
+    entry : what a survey says of the run, or the path of a raw run folder.
+    options : options of all stages.
+    control : surveyed control points (group ``control``).
+    line, outside_diameter_m : of a listing, which seldom says them.
+    progress : called with the fraction done.
+
+    Returns
+    -------
+    DataTree
+        The run, with the groups that its source can give.
+
+    Raises
+    ------
+    InputError
+        With every fault of the source.
 
     Examples
     --------
@@ -32,7 +52,9 @@ def process(
     options = options or Options()
     if not isinstance(entry, RunEntry):
         entry = RunEntry(raw=str(entry))
-    source = read_source(Path(entry.raw or entry.tally or ""), columns=entry.columns, run_id=entry.id, date=entry.date)
+    path = Path(entry.raw or entry.tally or "")
+    known = {"line": line, "outside_diameter_m": outside_diameter_m} if entry.tally else {}
+    source = read_source(path, entry.columns, entry.id, entry.date, **known)  # type: ignore[arg-type] # mypy joins str and float
     if isinstance(source, RawRun):
         return process_raw(source, options, control=control, progress=progress)
     return source
@@ -93,10 +115,10 @@ def _run_attrs(raw: RawRun) -> dict[str, Any]:
     }
 
 
-def control_points(path: Path | None) -> xr.Dataset | None:
-    """Surveyed control points of a file, or None without one."""
+def control_points(path: Path | None, crs: str | None = None) -> xr.Dataset | None:
+    """Surveyed control points of a file, or None without one; ``crs`` where the file does not say its reference system."""
     if path is None:
         return None
     from deform.readers.control import read_control
 
-    return read_control(path)
+    return read_control(path, crs)

@@ -64,9 +64,10 @@ def process_runs(survey: Survey, ledger: Ledger, workers: int = 1) -> dict[str, 
     sources = [_source(entry) for entry in survey.runs]
     _check_ids(sources)
     stage_options = _options.as_dict(survey.options)
-    part = {k: stage_options[k] for k in ("navigation", "caliper", "strain")}
+    part = {k: stage_options[k] for k in ("navigation", "caliper", "strain", "dent_strain")}
     control = history.sha256(survey.control) if survey.control else None
-    keys = {s["id"]: key_of(s["id"], s["inputs"], str(s["entry"].date), part, control) for s in sources}
+    constant = [survey.line, survey.outside_diameter_m, survey.control_crs]
+    keys = {s["id"]: key_of(s["id"], s["inputs"], str(s["entry"].date), part, control, constant) for s in sources}
     waiting = [s for s in sources if not ledger.done(f"process {s['id']}", keys[s["id"]])]
     if workers > 1 and len(waiting) > 1:
         _process_together(survey, ledger, waiting, keys, workers)
@@ -82,7 +83,9 @@ def process_runs(survey: Survey, ledger: Ledger, workers: int = 1) -> dict[str, 
 
 
 def _process_one(survey: Survey, run_id: str, entry: RunEntry, record: StageRecord, tick: Callable[[float], None]) -> None:
-    run = process(entry, survey.options, control=control_points(survey.control), progress=tick)
+    control = control_points(survey.control, survey.control_crs)
+    size = survey.outside_diameter_m
+    run = process(entry, survey.options, control=control, line=survey.line, outside_diameter_m=size, progress=tick)
     record.detail = {"source": run.attrs.get("source", ""), "date": run.attrs.get("date", "")}
     record.detail |= {"repairs": [r for r in str(run.attrs.get("repairs", "")).splitlines() if r]}
     store.write_run(run, survey.folder / "runs" / f"{run_id}.nc")

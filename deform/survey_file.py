@@ -24,10 +24,11 @@ Format = Literal["html", "pdf", "xlsx", "gpkg", "ply", "glb", "stl"]
 
 @dataclass(frozen=True, config=_STRICT)
 class LineEntry:
-    """Table ``[line]``."""
+    """Table ``[line]``; the outside diameter is for listings, which seldom say it."""
 
     name: str
     reference: str | None = None
+    outside_diameter_m: float | None = Field(default=None, gt=0.02, lt=3.0)
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -43,9 +44,10 @@ class RunEntry:
 
 @dataclass(frozen=True, config=_STRICT)
 class ControlEntry:
-    """Table ``[control]``."""
+    """Table ``[control]``: surveyed points, and their reference system where the file does not say it."""
 
     points: str | None = None
+    crs: str | None = None
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -80,8 +82,9 @@ class Survey:
     ----------
     line : name of the line.
     reference : id of the run whose chainage is the axis; None = the earliest.
+    outside_diameter_m : of the listings that do not say it themselves.
     runs : the entries in the order of the file, paths resolved.
-    control, locks : files, or None.
+    control, locks : files, or None; control_crs is the reference system of the points.
     folder : output folder.
     formats : what is written for people.
     options : options of all stages.
@@ -91,7 +94,9 @@ class Survey:
     runs: tuple[RunEntry, ...]
     folder: Path
     reference: str | None = None
+    outside_diameter_m: float | None = None
     control: Path | None = None
+    control_crs: str | None = None
     locks: Path | None = None
     formats: tuple[str, ...] = (*REPORT_FORMATS, *SURFACE_FORMATS)
     options: Options = plain_field(default_factory=Options)
@@ -137,7 +142,9 @@ def _resolved(content: _Content, path: Path, options: Options) -> Survey:
         runs=tuple(runs),
         folder=folder / content.outputs.folder,
         reference=content.line.reference,
+        outside_diameter_m=content.line.outside_diameter_m,
         control=folder / content.control.points if content.control.points else None,
+        control_crs=content.control.crs,
         locks=folder / content.match.locks if content.match.locks else None,
         formats=tuple(content.outputs.formats),
         options=options,
