@@ -329,7 +329,7 @@ def process(row, at, walk, travel_walk, tau, steady, unknown, reckoned, R, axes,
     for i in range(3):
         Q[6 + i] += unknown[2] * turn + unknown[0] * row[GAP]
         Q[3 + i] += unknown[1] * row[GAP]
-        Q[i] += unknown[1] * row[GAP] * T * T
+        Q[i] += (0.03 * s) ** 2 if row[GAP] > 0.0 else 0.0
         if reckoned:
             Q[i] += R[0] * axes[0, i] ** 2 + R[1] * axes[1, i] ** 2 + R[2] * axes[2, i] ** 2
 
@@ -418,10 +418,11 @@ def forward(first, last, table, speeds, tilts, R, mark_epoch, mark_place, mark_R
         track_axes(row, C_now, axes)
         odometer_step(row, x, axes, speeds[k + 1] - speeds[k], tilts[k], D)
         advance(row, x[0:3], x[3:6], C_now, place, v, C)
-        lead(row, x, at, reckoned, F, J, D, axes, speeds[k + 1] - speeds[k], tilts[k])
+        dead = reckoned or row[GAP] > 0.0  # no force is known in a gap: the odometer leads the position over it
+        lead(row, x, at, dead, F, J, D, axes, speeds[k + 1] - speeds[k], tilts[k])
         process(row, at, walk, travel_walk, tau, steady, unknown, reckoned, R[k], axes, decay, Q)
         predict(P, F, decay, Q, W)
-        follow(x, place, v, C, D, decay, at, reckoned)
+        follow(x, place, v, C, D, decay, at, dead)
         if at[B_WOBBLE] >= 0:
             sway(x, P, at[B_WOBBLE], abs(row[TRAVEL]), reach, steady)
 
@@ -564,7 +565,7 @@ def backward(first, last, table, speeds, tilts, R, at, reckoned, walk, travel_wa
             correct_row(table[k], x[15:18], x[18:21], x[21:24], x[24:27], row)
             track_axes(row, x[MATRIX : MATRIX + 9].reshape((3, 3)), axes)
             odometer_step(row, x, axes, speeds[k + 1] - speeds[k], tilts[k], D)
-            lead(row, x, at, reckoned, F, J, D, axes, speeds[k + 1] - speeds[k], tilts[k])
+            lead(row, x, at, reckoned or row[GAP] > 0.0, F, J, D, axes, speeds[k + 1] - speeds[k], tilts[k])
             process(row, at, walk, travel_walk, tau, steady, unknown, reckoned, R[k], axes, decay, Q)
             if at[B_WOBBLE] >= 0:
                 adjoint_sway(adjoint, information, at[B_WOBBLE], abs(row[TRAVEL]), reach)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,14 +10,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from deform.nav import _kernels_filter as kernels
 from deform.nav import odometer, product
 from deform.nav.aiding import mark_aid, travel_aid
-from deform.nav.alignment import Alignment, align
+from deform.nav.alignment import align
 from deform.nav.arm_tilt import ring_centres
 from deform.nav.compensation import compensation_table
-from deform.nav.error_model import ErrorModel, compose
-from deform.nav.filter import Problem, Start
+from deform.nav.error_model import compose
+from deform.nav.filter import Problem
+from deform.nav.first_state import first_state
+from deform.nav.sanity import check_motion
 from deform.nav.solution import Solution, solve
 from deform.nav.strapdown import Counts, epoch_bounds, preintegrate
 from deform.options import NavigationOptions
@@ -28,8 +28,6 @@ from deform.run.raw import RawRun
 Floats = NDArray[np.float64]
 Progress = Callable[[float], None] | None
 log = logging.getLogger(__name__)
-
-LAUNCH_SIGMA_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -75,6 +73,7 @@ def navigate(
     epochs = preintegrate(counts, wheels.distance[1:], bounds)
     travel = travel_aid(epochs, wheels.speed[1:], wheels.speed_sigma[1:], wheels.stationary[1:])
     aligned = align(counts, epochs, travel, raw.header)
+    check_motion(counts, wheels.distance[1:], epochs, travel, aligned)
     tell(0.4)
     sigma = np.nan_to_num(np.column_stack([passages["sigma_horizontal"].values, passages["sigma_vertical"].values]), nan=1.0)
     places = np.column_stack(
@@ -82,7 +81,7 @@ def navigate(
     )
     marks = mark_aid(epochs, passages["time"].values, places, sigma, 0.03)
     model = compose("full", raw.header)
-    start = first_state(raw, aligned, model, float(travel.speeds[0]))
+    start, aligned = first_state(raw, epochs, marks, aligned, model, float(travel.speeds[0]))
     solution = solve(Problem(epochs, travel, marks, model, start), ring_centres(raw))
     tell(0.8)
     line = product.trajectory_dataset(raw, counts, solution, wheels, options)
@@ -108,25 +107,6 @@ def counts_of(raw: RawRun) -> Counts:
         compensation_table(raw.header.imu),
         2.5 * float(np.median(np.diff(time[:10001]))),
     )
-
-
-def first_state(raw: RawRun, aligned: Alignment, model: ErrorModel, speed: float) -> Start:
-    """Return state and variances at the first bound.
-
-    Notes
-    -----
-    The alignment comes from data that the filter takes in again: its sigma is widened tenfold, so that it counts once.
-    """
-    launch = raw.header.launch
-    state = np.zeros(kernels.STATE_COLUMNS)
-    state[:3] = math.radians(launch.latitude_deg), math.radians(launch.longitude_deg), launch.height_m
-    state[3:6] = aligned.attitude[:, 1] * speed
-    state[6:15] = aligned.attitude.ravel()
-    variance = model.variance.copy()
-    variance[0:3] = LAUNCH_SIGMA_M**2
-    variance[3:6] = 0.01**2 + (0.05 * speed) ** 2
-    variance[6:9] = np.minimum(10.0 * aligned.sigma, [0.2, 0.2, 1.0]) ** 2
-    return Start(state, variance)
 
 
 def _no_passages() -> xr.Dataset:
