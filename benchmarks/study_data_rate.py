@@ -39,10 +39,8 @@ def main(figure: Path | None = None) -> None:
     for name, (rate, pulse, order) in tables.items():
         print(f"\n{name}: largest error (arc second; a pulse is {PULSE:.1f})")
         for r, p in zip(rate.itertuples(), pulse.itertuples(), strict=True):
-            print(
-                errors = f"no pulse {r.max_arcsec:10.4f}   with pulses {p.max_arcsec:8.1f}   rms {p.rms_pulses:5.2f} pulses"
-                print(f"  {r.rate_hz:5.0f} Hz   {errors}")
-            )
+            errors = f"no pulse {r.max_arcsec:10.4f}   with pulses {p.max_arcsec:8.1f}   rms {p.rms_pulses:5.2f} pulses"
+            print(f"  {r.rate_hz:5.0f} Hz   {errors}")
         print("  at 16 Hz by formula: " + "   ".join(f"{o.method} {o.max_arcsec:.3f}" for o in order.itertuples()))
     path = figure or Path(tempfile.gettempdir()) / "deform_study_data_rate.png"
     draw(tables, path)
