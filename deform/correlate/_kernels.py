@@ -67,7 +67,7 @@ class Band(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """What speaks for or against a weld of A being a weld of B beside the lengths; empty arrays where there is nothing."""
+    """What speaks for or against two joints, or two welds, being one beside the lengths; empty arrays where there is nothing."""
 
     used: bool
     class_a: np.ndarray
@@ -88,7 +88,20 @@ class Evidence(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def evidence(i, j, ev):
-    """Likelihood ratio of the cell (i, j) from everything but the lengths."""
+    """Weight of the cell (i, j) from locked and forbidden pairs."""
+    if not ev.lock_a.size:
+        return 1.0
+    if ev.lock_a[i] != j and (ev.lock_a[i] >= 0 or ev.lock_b[j] >= 0):
+        return 0.0
+    for k in range(ev.forbid_start[i], ev.forbid_start[i + 1]):
+        if ev.forbid[k] == j:
+            return 0.0
+    return _HUGE if ev.lock_a[i] == j else 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def traits(i, j, ev):
+    """Likelihood ratio, from everything but the length, of the joints that begin at weld i of A and weld j of B being one."""
     if not ev.used:
         return 1.0
     w = ev.ratio[ev.class_a[i], ev.class_b[j]]
@@ -99,14 +112,6 @@ def evidence(i, j, ev):
         if d == d:
             d = min(d, 360.0 - d)
             w *= 0.1 + 0.9 * 180.0 * 2.0 * _density(d, ev.seam_sigma)  # against any angle of 0..180
-    if ev.lock_a.size:
-        if ev.lock_a[i] == j:
-            w *= _HUGE
-        elif ev.lock_a[i] >= 0 or ev.lock_b[j] >= 0:
-            return 0.0
-        for k in range(ev.forbid_start[i], ev.forbid_start[i + 1]):
-            if ev.forbid[k] == j:
-                return 0.0
     return w
 
 
@@ -118,9 +123,15 @@ def _density(r, sigma):
 
 
 @njit(cache=True, error_model="numpy")
-def move_11(i, j, s, t):
-    """Weight of one joint against one, both ending at (i, j): noise over the density of such a length."""
-    return t.same * _density(s.y[j] - s.y[j - 1] - s.x[i] + s.x[i - 1], t.sigma) * s.root_a[i] * s.root_b[j]
+def move_11(i, j, s, t, ev):
+    """Weight of one joint against one, both ending at (i, j): noise over the density of such a length, times its traits."""
+    return (
+        traits(i - 1, j - 1, ev)
+        * t.same
+        * _density(s.y[j] - s.y[j - 1] - s.x[i] + s.x[i - 1], t.sigma)
+        * s.root_a[i]
+        * s.root_b[j]
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -255,7 +266,7 @@ def fill(s, band, t, ev):
                     v_d, t_d = best[p, 0] * t.open_both, 1
                 if best[p, 1] * t.extend > v_d:
                     v_d, t_d = best[p, 1] * t.extend, 2
-                w = best[p, 0] * move_11(i, j, s, t)
+                w = best[p, 0] * move_11(i, j, s, t, ev)
                 if w > v_m:
                     v_m, t_m = w, 11
             if l1 <= j - 2 <= h1:
@@ -374,7 +385,7 @@ def forward(s, band, t, ev):
             if l1 <= j - 1 <= h1:
                 p = o1 + j - 1
                 v_d += total[p, 0] * t.open_both + total[p, 1] * t.extend
-                v_m += total[p, 0] * move_11(i, j, s, t)
+                v_m += total[p, 0] * move_11(i, j, s, t, ev)
             if l1 <= j - 2 <= h1:
                 v_m += total[o1 + j - 2, 0] * move_12(i, j, s, t)
             if l1 <= j - 3 <= h1:
@@ -459,7 +470,7 @@ def backward(s, band, t, ev, total, norm, log_scale, log_total):
                 v_b += w * t.extend_one
             if l1 <= j + 1 <= h1:
                 w = rest[r1, j + 1 - l1, 1] * q1
-                v_m += w * t.open_both + rest[r1, j + 1 - l1, 0] * q1 * move_11(i + 1, j + 1, s, t)
+                v_m += w * t.open_both + rest[r1, j + 1 - l1, 0] * q1 * move_11(i + 1, j + 1, s, t, ev)
                 v_d += w * t.extend
             if l1 <= j + 2 <= h1:
                 v_m += rest[r1, j + 2 - l1, 0] * q1 * move_12(i + 1, j + 2, s, t)

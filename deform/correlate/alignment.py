@@ -11,7 +11,7 @@ from deform.correlate import _kernels
 from deform.correlate.evidence import Locks, Traits, from_locks, learn
 from deform.correlate.length_model import LengthModel, first_rates, length_density, local_scale, noise, reestimate, warp
 from deform.correlate.seeds import Seeds, band, find_seeds
-from deform.errors import Fault, WrongLineError
+from deform.errors import Fault, InputError, WrongLineError
 from deform.options import MatchOptions
 
 _log = logging.getLogger(__name__)
@@ -84,10 +84,22 @@ def align(
         results.append(_align_one_way(x, b, seeds, options, turned, held, direction, unit))
     best = max(results, key=lambda r: r.evidence_nats)
     _check_same_line(best, x, y, names, options)
+    _check_locks(best, locks, names)
     if abs(best.scale - 1.0) > options.scale_range * 1.2:
         text = "%s is %.4f times as long as %s: its unit is not the metre (feet?); it was matched all the same"
         _log.warning(text, names[1], best.scale, names[0])
     return best
+
+
+def _check_locks(result: PairAlignment, locks: Locks | None, names) -> None:
+    if locks is not None:
+        open_ = [(i, j) for i, j in locks.locked if result.partner[i] != j]
+        if open_:
+            text = ", ".join(f"{i} and {j}" for i, j in open_[:5])
+            rule = (
+                f"places {text} cannot be one weld each: locked pairs cross each other, or lie against the direction of the runs"
+            )
+            raise InputError(Fault("locks", f"{names[0]} and {names[1]}", rule))
 
 
 def _starts(x, y, options, directions):
@@ -162,7 +174,7 @@ def _align_one_way(x, b, seeds: Seeds | None, options, traits, locks, direction,
 
 
 def _offsets(warped, b, i, j):
-    """Offset of B against A at the two anchors before and the two after each weld of A (n, 4), and how far it holds (n), metre."""
+    """Offset of B against A at the two anchors before and after each weld of A (n, 4), and how far it holds (n), metre."""
     rows = np.arange(warped.size)
     if i.size < 4:
         return np.zeros((rows.size, 1)), np.full(rows.size, np.inf)

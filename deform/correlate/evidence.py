@@ -135,11 +135,7 @@ def from_locks(locks: Locks | None, n: int, m: int) -> Evidence:
     lock_a[locks.locked[:, 0]], lock_b[locks.locked[:, 1]] = locks.locked[:, 1], locks.locked[:, 0]
     order = np.argsort(locks.forbidden[:, 0], kind="stable")
     start = np.searchsorted(locks.forbidden[order, 0], np.arange(n + 1)).astype(np.int64)
-    zero_a, zero_b = np.zeros(n, np.int64), np.zeros(m, np.int64)
     return nothing._replace(
-        used=True,
-        class_a=zero_a,
-        class_b=zero_b,
         lock_a=lock_a,
         lock_b=lock_b,
         forbid_start=start,

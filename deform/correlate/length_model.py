@@ -66,6 +66,11 @@ def first_rates(sigma: float = 0.05, missed: float = 0.01, false: float = 0.01, 
     )
 
 
+def alone(places: np.ndarray) -> LengthModel:
+    """Model of a line that one run alone shows."""
+    return LengthModel(first_rates(), *length_density(places, sigma=0.05))
+
+
 def length_density(*places: np.ndarray, sigma: float) -> tuple[np.ndarray, float, np.ndarray]:
     """Density of joint lengths (1/m) of all runs in bins of 1 cm, what one joint of two runs adds to it, and its broad part.
 
@@ -131,7 +136,7 @@ def noise(residuals: np.ndarray) -> float:
     r = residuals[np.isfinite(residuals)]
     if r.size < 5:
         return np.nan
-    sigma = float(np.median(np.abs(r)) / 0.7649)  # median of |t3|
+    sigma = max(float(np.median(np.abs(r)) / 0.7649), _LEAST_SIGMA)  # 0.7649 is the median of |t3|
     for _ in range(20):
         weight = 4.0 / (3.0 + (r / sigma) ** 2)
         sigma = float(np.sqrt(np.mean(weight * r**2)))

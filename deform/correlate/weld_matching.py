@@ -17,6 +17,7 @@ from deform.correlate.edit_table import edit_table
 from deform.correlate.edits import History, displacement, find_changes, real_columns, reference_lengths, weld_rows
 from deform.correlate.evidence import Traits, check_locks, locks_between
 from deform.correlate.joints import joint_table
+from deform.correlate.length_model import alone
 from deform.correlate.registry import Registry, merge
 from deform.correlate.weld_list import WeldList, weld_list
 from deform.errors import Fault, InputError, WrongLineError
@@ -81,7 +82,7 @@ def match_runs(
     }
     registry = merge(lists, posteriors, ref, scales, options.least_probability)
     own = reference_lengths(registry, lists, scales)
-    model = max((p.model for p in pairs.values()), key=lambda m: m.rates.sigma)
+    model = max((p.model for p in pairs.values()), key=lambda m: m.rates.sigma, default=alone(lists[ref].place))
     changes = find_changes(registry, own, model.rates.sigma)
     real = real_columns(registry, own, lists, changes, model)
     moved = displacement(registry, own)

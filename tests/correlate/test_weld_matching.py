@@ -42,8 +42,8 @@ def test_one_weld_has_one_identity_in_all_epochs():
     rows = truth(matching, lists)
     assert not rows.duplicated(["weld_id", "run"]).any()
     claimed = rows[(rows["status"] != "false") & (rows["true"] >= 0)]
-    assert (claimed.groupby("weld_id")["true"].nunique() == 1).mean() > 0.998
-    assert (claimed.groupby("true")["weld_id"].nunique() == 1).mean() > 0.998
+    assert (claimed.groupby("weld_id")["true"].nunique() < 2).mean() > 0.998
+    assert (claimed.groupby("true")["weld_id"].nunique() < 2).mean() > 0.998
     assert len(rows) == sum(v.place.size for v in lists.values())
 
 
@@ -88,8 +88,8 @@ def test_eight_epochs_close_every_cycle():
     rows = truth(match_runs([run_of(k, v) for k, v in lists.items()]), lists)
     claimed = rows[(rows["status"] != "false") & (rows["true"] >= 0)]
     assert not claimed.duplicated(["weld_id", "run"]).any()
-    assert (claimed.groupby("weld_id")["true"].nunique() > 1).sum() <= 1
-    assert (claimed.groupby("true")["weld_id"].nunique() > 1).sum() <= 1
+    assert (claimed.groupby("weld_id")["true"].nunique() >= 2).sum() <= 1
+    assert (claimed.groupby("true")["weld_id"].nunique() >= 2).sum() <= 1
 
 
 def test_map_follows_the_pipe_and_says_where_it_does_not_hold():
@@ -121,7 +121,7 @@ def test_a_listing_in_the_other_direction_has_a_map_that_falls():
     assert matching.maps["c"].direction == 1
     rows = truth(matching, lists)
     claimed = rows[(rows["status"] != "false") & (rows["true"] >= 0)]
-    assert (claimed.groupby("weld_id")["true"].nunique() == 1).all()
+    assert (claimed.groupby("weld_id")["true"].nunique() < 2).all()
     s = np.linspace(100.0, 2000.0, 50)
     np.testing.assert_allclose(matching.maps["b"].to_reference(matching.maps["b"].to_run(s)), s, atol=1e-9)
 
@@ -223,7 +223,7 @@ def test_runs_without_welds_and_doubled_ids_are_named():
     rng = np.random.default_rng(10)
     good = run_of("a", observe(rng, line(rng, 100)))
     bare = build.run_tree({"id": "bare", "date": "b", "source": "raw"})
-    with pytest.raises(InputError, match="bare.*welds"):
+    with pytest.raises(InputError, match=r"bare.*welds"):
         match_runs([good, bare])
     with pytest.raises(InputError, match="twice"):
         match_runs([good, good])
@@ -276,7 +276,7 @@ def test_the_two_real_listings_are_matched_without_one_fault_from_lengths_alone(
     numbers = {k: v[0] for k, v in listings.items()}
     if turned:
         places["2015"], numbers["2015"] = 20000.0 - places["2015"][::-1], numbers["2015"][::-1]
-    matching = match_runs([run_of(k, Line(p, p)) for k, p in places.items()], MatchOptions())
+    matching = match_runs([run_of(k, Line(p, p), probability=np.ones(p.size)) for k, p in places.items()], MatchOptions())
     rows = matching.welds[matching.welds["index"].notna()]
     number = [numbers[r][int(k)] for r, k in zip(rows["run"], rows["index"], strict=True)]
     claimed = rows.assign(number=number)

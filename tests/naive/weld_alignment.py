@@ -53,7 +53,7 @@ def _split(whole, g_whole, pieces, missed, false):
     return real + none + mixed
 
 
-def alignments(x, y, g, g_at, t, evidence=lambda i, j: 1.0, ending=lambda i, j: 1.0):
+def alignments(x, y, g, g_at, t, evidence=lambda i, j: 1.0, ending=lambda i, j: 1.0, traits=lambda i, j: 1.0):
     """Weight of all alignments, posterior of every pair, part of it displaced, weight of the best alignment."""
     n, m = len(x), len(y)
     moves = [(1, 1), (1, 2), (2, 1), (1, 3), (3, 1), (2, 2)]
@@ -62,6 +62,8 @@ def alignments(x, y, g, g_at, t, evidence=lambda i, j: 1.0, ending=lambda i, j: 
         same, strangers = move_weight(a, b, i, j, x, y, g, g_at, t)
         if (a, b) == (2, 2):
             same *= evidence(i - 1, j - 1)
+        if (a, b) == (1, 1):
+            same *= traits(i - 1, j - 1)
         return same, strangers
 
     steps = [("M", "D", 1, 1, t.open_both), ("D", "D", 1, 1, t.extend)]
