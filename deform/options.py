@@ -114,6 +114,7 @@ class ReportOptions:
     most_dent_cards: Annotated[int, Field(ge=0)] = 40
     most_zone_details: Annotated[int, Field(ge=0)] = 40
     most_points_per_curve: Annotated[int, Field(ge=1000)] = 200_000
+    most_points_in_page: Annotated[int, Field(ge=100_000)] = 2_000_000
     crs: str = ""
 
 
