@@ -73,9 +73,11 @@ class Content:
         return float(self.run(self.reference).attrs.get("outside_diameter_m", np.nan))
 
     @property
-    def listing_only(self) -> bool:
-        """True when no run was made of raw data."""
-        return all(run.attrs.get("source") == "listing" for run in self.runs)
+    def compares_movement(self) -> bool:
+        """True when the comparison holds a displacement or a change of strain, not only the map between the runs."""
+        names = ("displacement_lateral", "displacement_up", "bending_strain_change_horizontal", "bending_strain_change_vertical")
+        ds = self.comparison
+        return ds is not None and any(name in ds and bool(np.isfinite(ds[name].values).any()) for name in names)
 
 
 def read_content(folder: Path) -> Content:

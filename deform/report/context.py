@@ -74,7 +74,7 @@ def build_context(content: Content, options: ReportOptions) -> dict[str, Any]:
         "trends": trend_rows(content),
         "features": feature_rows(content),
         "limit_names": list(dict.fromkeys(n for n in content.tables["trends"].limit_name if n)),
-        "compared": content.comparison is not None,
+        "compared": content.compares_movement,
         "options": options,
         "strain_attention": microstrain(options.strain_attention),
         "displacement_attention": number(options.displacement_attention_m, 2, "m"),
@@ -242,6 +242,7 @@ def dent_rows(content: Content) -> list[dict[str, Any]]:
                 "reason": last.reason,
                 "epochs": epochs,
                 "trend": trend_sentence(trends[dent_id]) if dent_id in trends else "",
+                "sure_trend": trend_sentence(trends[dent_id], sure=True) if dent_id in trends else "",
             }
         )
     urgency = {"grown": 0, "new": 1, "rerounded": 2}
@@ -284,7 +285,7 @@ def verdict(content: Content, zones: list[dict], dents: list[dict]) -> list[str]
         said.append(f"{_count(len(moved), 'zone')} moved or bent significantly {span}.")
         said += _peaks(moved)
         said += [f"{z['id']} goes on: {z['sure_trend']}." for z in moved[:3] if z["sure_trend"]]
-    elif content.comparison is not None:
+    elif content.compares_movement:
         said.append(f"No zone moved or bent significantly {span}; the detection limits say what could have been seen.")
     else:
         said.append(f"The runs {span} were compared joint by joint and dent by dent; movement cannot be judged from them.")
@@ -409,7 +410,7 @@ def facts(content: Content, zones: list[dict], dents: list[dict]) -> list[dict[s
 
 
 def _moved_count(content: Content, moved: list[dict]) -> str:
-    return NOTHING if content.comparison is None else str(len(moved))
+    return str(len(moved)) if moved or content.compares_movement else NOTHING
 
 
 def _count(n: int, one: str, many: str = "") -> str:

@@ -41,10 +41,12 @@ def page_data(content: Content, options: ReportOptions, zones: list[dict], dents
 
 def panels(content: Content, options: ReportOptions, windows: list[tuple[float, float]]) -> list[dict[str, Any]]:
     """Return the linked panels: profile, strain of every epoch, changes with their limits, joints."""
+    curves = 2 * len(content.ids) + len(_CHANGES) * (len(content.ids) - 1)
+    most = min(options.most_points_per_curve, options.most_points_in_page // curves)
     found = [
-        _of_runs(content, options, windows, "height", "Profile, height", "m", 1.0, "+ = up"),
-        _of_runs(content, options, windows, "bending_strain", "Bending strain, total", "µε", 1e6, "root sum of squares"),
-        *[_of_comparison(content, options, windows, *change) for change in _CHANGES],
+        _of_runs(content, most, windows, "height", "Profile, height", "m", 1.0, "+ = up"),
+        _of_runs(content, most, windows, "bending_strain", "Bending strain, total", "µε", 1e6, "root sum of squares"),
+        *[_of_comparison(content, most, windows, *change) for change in _CHANGES],
         _joint_panel(content),
     ]
     return [panel for panel in found if panel and panel["series"]]
@@ -65,16 +67,16 @@ def on_reference(content: Content, run: str, variable: str) -> tuple[np.ndarray,
     return content.comparison["chainage"].values, np.interp(at, own, values, left=np.nan, right=np.nan)
 
 
-def _of_runs(content, options, windows, variable, title, unit, factor, positive) -> dict[str, Any]:
+def _of_runs(content, most, windows, variable, title, unit, factor, positive) -> dict[str, Any]:
     series = []
     for i, name in enumerate(content.ids):
         found = on_reference(content, name, variable)
         if found is not None and np.isfinite(found[1]).any():
-            series.append({"run": name, "i": i, **_packed(found[0], found[1] * factor, options, windows)})
+            series.append({"run": name, "i": i, **_packed(found[0], found[1] * factor, most, windows)})
     return {"key": variable, "title": title, "unit": unit, "positive": positive, "series": series}
 
 
-def _of_comparison(content, options, windows, variable, title, unit, factor, positive) -> dict[str, Any] | None:
+def _of_comparison(content, most, windows, variable, title, unit, factor, positive) -> dict[str, Any] | None:
     ds = content.comparison
     if ds is None or variable not in ds:
         return None
@@ -83,17 +85,17 @@ def _of_comparison(content, options, windows, variable, title, unit, factor, pos
         values = ds[variable].values[k] * factor
         if name == content.reference or not np.isfinite(values).any():
             continue
-        entry = {"run": name, "i": content.ids.index(name) if name in content.ids else k, **_packed(x, values, options, windows)}
+        entry = {"run": name, "i": content.ids.index(name) if name in content.ids else k, **_packed(x, values, most, windows)}
         if f"{variable}_sigma" in ds:
             entry["limit"] = pack(x, _k_sigma(content) * factor * ds[f"{variable}_sigma"].values[k], _LIMIT_POINTS)
         series.append(entry)
     return {"key": variable, "title": title, "unit": unit, "positive": positive, "series": series, "k": _k_sigma(content)}
 
 
-def _packed(x: np.ndarray, y: np.ndarray, options: ReportOptions, windows: list[tuple[float, float]]) -> dict[str, Any]:
+def _packed(x: np.ndarray, y: np.ndarray, most: int, windows: list[tuple[float, float]]) -> dict[str, Any]:
     """Return a curve, and where it had to be thinned its full rate inside the windows as well."""
-    packed: dict[str, Any] = {"base": pack(x, y, options.most_points_per_curve)}
-    if y.size > options.most_points_per_curve:
+    packed: dict[str, Any] = {"base": pack(x, y, most)}
+    if y.size > most:
         cuts = [np.searchsorted(x, window) for window in windows]
         packed["fine"] = [pack(x[a:b], y[a:b], b - a) for a, b in cuts if b - a > 1]
     return packed

@@ -119,8 +119,8 @@ def _spark(content: Content, subject: str) -> Markup:
     y = _HEIGHT - 4 - values / max(values.max(), 1e-12) * (_HEIGHT - 8)
     path = "M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x, y, strict=True))
     dots = "".join(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="2.5" fill="currentColor"/>' for a, b in zip(x, y, strict=True))
-    label = escape(", ".join(f"{run}: {v:.3g} {ds.attrs['unit']}" for run, v in zip(ds["run"].values, values, strict=True)))
+    said = [f"{run}: {value:.3g} {ds.attrs['unit']}" for run, value in zip(ds["run"].values, values, strict=True)]
+    label = escape(", ".join(said))
     shape = f'<path d="{path}" fill="none" stroke="currentColor" stroke-width="1.5"/>{dots}'
-    return Markup(
-        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="{_WIDTH}" height="{_HEIGHT}" role="img"><title>{label}</title>{shape}</svg>'
-    )
+    frame = f'viewBox="0 0 {_WIDTH} {_HEIGHT}" width="{_WIDTH}" height="{_HEIGHT}" role="img"'
+    return Markup(f"<svg {frame}><title>{label}</title>{shape}</svg>")
