@@ -27,6 +27,7 @@ class ScanLog:
     spread : (n,) m, standard deviation of the arms about the section, dents left out.
     used : (n,) weight of arms in use.
     dip, dip_clock : (n,) m and rad, deepest inward departure after a short running mean, and its clock.
+    bulge, bulge_clock : (n,) m and rad, farthest outward departure likewise.
     moving : (n,) false while the tool stands.
     arms : number of arms of the ring.
     """
@@ -42,6 +43,8 @@ class ScanLog:
     used: np.ndarray
     dip: np.ndarray
     dip_clock: np.ndarray
+    bulge: np.ndarray
+    bulge_clock: np.ndarray
     moving: np.ndarray
     arms: int
 
@@ -124,9 +127,12 @@ def _records(reader: ScanReader, block: ScanBlock, fitter: SectionFitter) -> dic
     harmonics, residual, spread, used = fitter.fit(block.radius)
     radius, right, up, oval_cos, oval_sin = to_pipe_clock(harmonics, block.roll, reader.sign)
     n = len(block.time)
-    dip, arm = np.empty(n), np.empty(n, np.int64)
-    inward_running(residual, _DIP_HALF, dip, arm)
-    clock = np.mod(reader.sign * (fitter.angle[np.maximum(arm, 0)] + block.roll), 2 * np.pi)
+    departures = {}
+    for name, side in (("dip", residual), ("bulge", -residual)):
+        size, arm = np.empty(n), np.empty(n, np.int64)
+        inward_running(side, _DIP_HALF, size, arm)
+        departures[name] = np.where(np.isfinite(radius), size, np.nan)
+        departures[f"{name}_clock"] = np.mod(reader.sign * (fitter.angle[np.maximum(arm, 0)] + block.roll), 2 * np.pi)
     return {
         "time": block.time,
         "chainage": block.chainage,
@@ -137,8 +143,7 @@ def _records(reader: ScanReader, block: ScanBlock, fitter: SectionFitter) -> dic
         "oval_sin": oval_sin,
         "spread": spread,
         "used": used,
-        "dip": np.where(np.isfinite(radius), dip, np.nan),
-        "dip_clock": clock,
+        **departures,
         "moving": reader.moving(block.time),
     }
 

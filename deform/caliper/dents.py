@@ -128,6 +128,25 @@ def dataset(fits: list[DentFit], least_depth: float) -> xr.Dataset:
     return build.dataset("dents", values, least_depth_m=least_depth, reference="robust section of the wall on both sides")
 
 
+def beside_welds(dents: xr.Dataset, welds: xr.Dataset) -> xr.Dataset:
+    """Return the dents with the distance from the next weld upstream (m), and their class: plain, at weld, multi-apex."""
+    place, joints = dents["chainage"].values, welds["chainage"].values[welds["probability"].values >= 0.5]
+    reach = 0.5 * dents["length"].values + 0.02
+    shape = np.array(["plain"] * place.size, dtype=object)
+    distance = np.full(place.size, np.nan)
+    for k, centre in enumerate(place):
+        before = joints[joints <= centre]
+        if before.size:
+            distance[k] = centre - before[-1]
+        others = np.abs(place - centre) < reach[k] + reach
+        turned = np.abs((dents["clock"].values - dents["clock"].values[k] + 180) % 360 - 180) < 40
+        if (others & turned).sum() > 1:
+            shape[k] = "multi-apex"
+        if joints.size and np.abs(joints - centre).min() < reach[k]:
+            shape[k] = "at weld"
+    return build.add(dents, "dents", {"weld_distance": distance, "shape": shape})
+
+
 def _wrap(angle):
     return (np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi
 

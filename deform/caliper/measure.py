@@ -12,7 +12,8 @@ import xarray as xr
 from deform.caliper import ovality
 from deform.caliper.arms import examine_arms
 from deform.caliper.cross_section import ScanLog, SectionFitter, log_scans
-from deform.caliper.dents import candidates, measure_dents
+from deform.caliper.dents import beside_welds, candidates, measure_dents
+from deform.caliper.features import features, joint_walls
 from deform.caliper.scans import ScanBlock, ScanReader
 from deform.caliper.tool_pose import pose
 from deform.caliper.wall import WallMap, detail_maps, relieve, wall_dataset
@@ -92,11 +93,14 @@ def measure(
     tell(0.85)
     arms = [c.without(spans) for c in (arms_channel(log) for log in logs) if c is not None]
     welds = weld_log([c for c in (heard[0], *arms, heard[1]) if c is not None], trajectory, options.weld_cluster_m, joint)
+    welds = joint_walls(welds, section, diameter)
+    dents = beside_welds(dents, welds)
+    found = features(welds, section, logs, fits, trajectory, diameter)
     windows = [(a - options.detail_margin_m, b + options.detail_margin_m) for a, b in spans]
     fine = detail_maps(reader, logs, fitters, _joined(windows), fits, options.detail_step_m, coarse.bins)
     wall = wall_dataset(coarse, fine, section, tool)
     tell(1.0)
-    return Measurement(welds=welds, sections=section, wall=wall, pose=tool, dents=dents, features=None)
+    return Measurement(welds=welds, sections=section, wall=wall, pose=tool, dents=dents, features=found)
 
 
 def on_chainage(measurement: Measurement, chainage: np.ndarray) -> xr.Dataset | None:
