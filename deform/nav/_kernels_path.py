@@ -156,21 +156,21 @@ def limited_slopes(distance, step):
 
 
 @njit(cache=True, error_model="numpy")
-def smooth_integral(total, variance, push, F, Q, Q_push, P0, wanted, value, spread, odd):
-    """Fixed-interval smoothing of a chain of states whose first is measured: Kalman filter forward, Rauch-Tung-Striebel back.
+def smooth_chain(seen, variance, rows, push, F, Q, Q_push, P0, wanted, value, spread, odd):
+    """Fixed-interval smoothing of a chain of states: Kalman filter forward, Rauch-Tung-Striebel back.
 
-    ``total`` (n,) measures state 0 with ``variance`` (n,), NaN where there is none; ``push`` (n,) scales ``Q_push`` beside
-    the constant ``Q``. Fills ``value`` and ``spread`` (standard deviation) of state ``wanted``. A measurement beyond five sigma
-    loses weight until it is at five (Huber); ``odd`` counts them.
+    ``seen`` (n, q) are measurements ``rows`` (q, m) times the state with ``variance`` (q,), NaN where there is none; ``push``
+    (n,) scales ``Q_push`` beside the constant ``Q``. Fills ``value`` and ``spread`` (standard deviation) of state ``wanted``. A
+    measurement beyond five sigma loses weight until it is at five (Huber); ``odd`` counts them.
     """
-    n, m = total.shape[0], F.shape[0]
+    n, m = seen.shape[0], F.shape[0]
     x_f, P_f = np.empty((n, m)), np.empty((n, m, m))
     x_p, P_p = np.empty((n, m)), np.empty((n, m, m))
     x, P = np.zeros(m), P0.copy()
-    first = 0
-    while first < n - 1 and not np.isfinite(total[first]):
-        first += 1
-    x[0] = total[first]
+    for k in range(n):
+        if np.isfinite(seen[k, 0]):
+            x[0] = seen[k, 0]
+            break
     for k in range(n):
         if k > 0:
             x = _times(F, x)
@@ -179,22 +179,10 @@ def smooth_integral(total, variance, push, F, Q, Q_push, P0, wanted, value, spre
                 for j in range(m):
                     P[i, j] += Q[i, j] + push[k] * Q_push[i, j]
         x_p[k], P_p[k] = x, P
-        if np.isfinite(total[k]):
-            innovation = total[k] - x[0]
-            R = variance[k]
-            size = innovation * innovation
-            if size > 25.0 * (P[0, 0] + R):
-                R = max(R, abs(innovation) * np.sqrt(P[0, 0] + R) / 5.0 - P[0, 0])
-                odd[0] += 1
-            S = P[0, 0] + R
-            gain = P[:, 0] / S
-            updated = np.empty((m, m))
-            for i in range(m):
-                for j in range(m):
-                    updated[i, j] = P[i, j] - gain[i] * P[0, j]
-            x = x + gain * innovation
-            P = 0.5 * (updated + updated.T)
-        x_f[k], P_f[k] = x, P
+        for r in range(seen.shape[1]):
+            if np.isfinite(seen[k, r]):
+                _measure(x, P, seen[k, r], rows[r], variance[r], odd)
+        x_f[k], P_f[k] = x.copy(), P.copy()
     value[n - 1], spread[n - 1] = x[wanted], np.sqrt(max(P[wanted, wanted], 0.0))
     for k in range(n - 2, -1, -1):
         predicted = P_p[k + 1].copy()
@@ -204,6 +192,26 @@ def smooth_integral(total, variance, push, F, Q, Q_push, P0, wanted, value, spre
         x = x_f[k] + _times(J, x - x_p[k + 1])
         P = P_f[k] + _congruent(J, P - P_p[k + 1])
         value[k], spread[k] = x[wanted], np.sqrt(max(P[wanted, wanted], 0.0))
+
+
+@njit(cache=True, error_model="numpy")
+def _measure(x, P, z, row, R, odd):
+    """Update state and covariance in place with one scalar measurement."""
+    m = x.shape[0]
+    PH = _times(P, row)
+    S, innovation = 0.0, z
+    for i in range(m):
+        S += row[i] * PH[i]
+        innovation -= row[i] * x[i]
+    if innovation * innovation > 25.0 * (S + R):
+        R = max(R, abs(innovation) * np.sqrt(S + R) / 5.0 - S)
+        odd[0] += 1
+    for i in range(m):
+        gain = PH[i] / (S + R)
+        x[i] += gain * innovation
+        for j in range(i, m):
+            P[i, j] -= gain * PH[j]
+            P[j, i] = P[i, j]
 
 
 @njit(cache=True, error_model="numpy")

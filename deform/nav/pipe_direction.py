@@ -21,8 +21,9 @@ from deform.run.raw import RunHeader
 Floats = NDArray[Any]
 _log = logging.getLogger(__name__)
 
-_NODE_M = 0.25  # spacing of the nodes at which the wobble is estimated; it is longer than metres
+_NODE_M = 0.5  # spacing of the nodes at which the wobble is estimated; it is longer than metres
 _BLOCK_M = 20.0  # length over which the constant misalignments are averaged before they are adjusted
+_RING_SIGMA_M = 1e-4  # of the tool's offset at a ring, averaged over a node: roundness of the pipe, not the noise of the arms
 _PRIOR_RAD = math.radians(0.5)  # misalignment and sag expected of a tool
 
 TURN_LAGS_M = np.array([0.05, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0])
@@ -50,7 +51,9 @@ class PipeDirection:
     sag: tuple[float, float]
 
 
-def direction_along(trajectory: xr.Dataset, travel: Floats, grid: Floats, header: RunHeader) -> PipeDirection:
+def direction_along(
+    trajectory: xr.Dataset, travel: Floats, grid: Floats, header: RunHeader, pose: xr.Dataset | None = None
+) -> PipeDirection:
     """Return the direction of the pipe on a grid.
 
     Parameters
@@ -59,6 +62,7 @@ def direction_along(trajectory: xr.Dataset, travel: Floats, grid: Floats, header
     travel : metre along the pipe of these samples, rising strictly.
     grid : metre along the pipe, regular and rising, within ``travel``.
     header : figures of the IMU.
+    pose : group ``pose`` of the caliper, or None.
 
     Notes
     -----
@@ -68,6 +72,9 @@ def direction_along(trajectory: xr.Dataset, travel: Floats, grid: Floats, header
     In it the pipe cancels: bends leave no trace, and nothing needs to be known about the pipe. A Kalman smoother finds the
     wobble; attitude minus wobble is the pipe. Waves that are shorter than the wobble keep the resolution of the gyros.
     The spectra that tune it are fitted to the run itself (`deform.nav.wobble`).
+
+    A ring of arms at y along the tool sees the tool's shift plus y times the wobble against the pipe there; it halves what the
+    path alone leaves in waves of hundreds of metres, where the tilt of the gyros bends the path.
     """
     azimuth, pitch, roll = (np.radians(trajectory[a].values) for a in ("azimuth", "pitch", "roll"))
     azimuth, pitch = _turned(azimuth, pitch, roll, (0.0, 0.0))
@@ -83,7 +90,9 @@ def direction_along(trajectory: xr.Dataset, travel: Floats, grid: Floats, header
     step = float(grid[1] - grid[0])
     azimuth, pitch = _on_grid(grid, travel, azimuth, step), _on_grid(grid, travel, pitch, step)
     if known:
-        wobble = _wobble(trajectory, travel, apart, grid, np.stack([azimuth * np.cos(pitch), pitch]), header)
+        turned = np.stack([azimuth * np.cos(pitch), pitch])
+        ring = None if pose is None else _ring(trajectory, travel, grid, turned, pose, header.travel_sign)
+        wobble = _wobble(trajectory, travel, apart, grid, turned, header, ring)
     level = np.maximum(np.cos(pitch), 1e-3)
     error = [
         interpolate(grid, travel, trajectory[f"{a}_sigma"].values) if f"{a}_sigma" in trajectory else zero
@@ -145,36 +154,111 @@ def _constants(travel: Floats, apart: Floats, roll: Floats) -> tuple[tuple[float
     return (float(x[0]), float(x[1])), (float(x[2]), float(x[3]))
 
 
+def _ring(
+    trajectory: xr.Dataset, travel: Floats, grid: Floats, direction: Floats, pose: xr.Dataset, sign: int
+) -> tuple[float, Floats]:
+    """Place of the ring along the tool, and what it sees at the samples: shift plus place times wobble (metre), shape (n, 2).
+
+    The pipe's own bend between ring and IMU is taken out by the share of it that the run shows (a rigid tool shows all of it,
+    one that is hinged or flexible less), and so is what is constant in the body and in the level frame: the calibration of the
+    arms, and how the tool hangs.
+    """
+    lever = float(pose.attrs.get("ring_offset_m", 0.0))
+    time, at = pose["time"].values, trajectory["time"].values
+    seen = np.stack(
+        [interpolate(at, time, sign * pose["offset_right"].values), interpolate(at, time, pose["offset_up"].values)], axis=1
+    )
+    for i in range(2):
+        mean = box_average(grid + 0.5 * lever, grid, direction[i], max(abs(lever), 1e-3))
+        bend = lever * np.nan_to_num(np.interp(travel, grid, mean - direction[i]))
+        seen[:, i] -= _share(seen[:, i], bend) * bend
+    step = np.diff(travel, prepend=travel[0])
+    known = np.isfinite(seen).all(axis=1)
+    body, level = _constants(travel, np.where(known[:, None], seen, 0.0) * step[:, None], np.radians(trajectory["roll"].values))
+    roll = np.radians(trajectory["roll"].values)
+    seen[:, 0] -= level[0] - body[0] * np.cos(roll) - body[1] * np.sin(roll)
+    seen[:, 1] -= level[1] + body[0] * np.sin(roll) - body[1] * np.cos(roll)
+    return lever, seen
+
+
+def _share(seen: Floats, bend: Floats) -> float:
+    """Share of the bend that is in what is seen, robustly; zero when the line has too few bends to tell."""
+    use = np.isfinite(seen) & (np.abs(bend) > 1e-3)
+    if use.sum() < 50:
+        return 0.0
+    share = 0.0
+    for _ in range(10):
+        residual = seen[use] - share * bend[use]
+        sigma = max(MAD_TO_SIGMA * float(np.median(np.abs(residual))), 1e-4)
+        weight = np.minimum(1.0, 1.5 * sigma / np.maximum(np.abs(residual), 1e-12))
+        share = float(np.sum(weight * seen[use] * bend[use]) / np.sum(weight * bend[use] ** 2))
+    return share
+
+
 def _wobble(
-    trajectory: xr.Dataset, travel: Floats, apart: Floats, grid: Floats, direction: Floats, header: RunHeader
+    trajectory: xr.Dataset,
+    travel: Floats,
+    apart: Floats,
+    grid: Floats,
+    direction: Floats,
+    header: RunHeader,
+    ring: tuple[float, Floats] | None,
 ) -> list[Wobble]:
     """Wobble to the right and up on the grid, with its sigma and that of its turns (radian)."""
     cell = np.round((travel - travel[0]) / _NODE_M).astype(np.int64)
     n = int(cell[-1]) + 1
     count = np.bincount(cell, minlength=n)
-    with np.errstate(invalid="ignore"):
-        speed = np.bincount(cell, trajectory["speed"].values, minlength=n) / count
-    nodes = travel[0] + _NODE_M * np.arange(n)
+
+    def averaged(values):
+        with np.errstate(invalid="ignore"):
+            return np.where(count > 0, np.bincount(cell, values, minlength=n) / count, np.nan)
+
+    speed = averaged(trajectory["speed"].values)
     usual = float(np.nanmedian(speed))
     speed = np.where(np.isfinite(speed), speed, usual).clip(0.1 * usual)
-    out = []
-    for i in range(2):
-        total = np.bincount(cell, np.cumsum(apart[:, i]), minlength=n) / np.maximum(count, 1)
-        total = np.where(count > 0, total, np.nan)
-        out.append(_smoothed(total, speed, nodes, grid, direction[i], header))
-    return out
+    nodes = travel[0] + _NODE_M * np.arange(n)
+    return [
+        _smoothed(
+            averaged(np.cumsum(apart[:, i])),
+            None if ring is None else (ring[0], averaged(ring[1][:, i])),
+            speed,
+            nodes,
+            grid,
+            direction[i],
+            header,
+        )
+        for i in range(2)
+    ]
 
 
-def _smoothed(total: Floats, speed: Floats, nodes: Floats, grid: Floats, direction: Floats, header: RunHeader) -> Wobble:
+def _smoothed(
+    total: Floats,
+    ring: tuple[float, Floats] | None,
+    speed: Floats,
+    nodes: Floats,
+    grid: Floats,
+    direction: Floats,
+    header: RunHeader,
+) -> Wobble:
     usual = float(np.median(speed))
     model = fit_wobble(total, _NODE_M, usual, header.imu)
-    F, Q, Q_push, P0 = model.discrete(_NODE_M)
+    seen, variance, shift = total[:, None], np.array([model.shift_variance]), 0.0
+    if ring is not None and abs(ring[0]) > 0.05 and np.isfinite(ring[1]).sum() > 100:
+        lever, offset = ring
+        spread = MAD_TO_SIGMA * float(np.nanmedian(np.abs(offset)))
+        shift = math.sqrt(max(spread**2 - (lever * model.sigma) ** 2, 0.1 * spread**2, 1e-8))
+        seen, variance = np.stack([total, offset], axis=1), np.array([model.shift_variance, _RING_SIGMA_M**2])
+    F, Q, Q_push, P0 = model.discrete(_NODE_M, shift)
+    rows = np.zeros((seen.shape[1], F.shape[0]))
+    rows[0, 0] = 1.0
+    if seen.shape[1] == 2:
+        own = model.order + 2
+        rows[0, own], rows[1, own], rows[1, 1] = -1.0, 1.0, lever
     value, sigma, odd = np.empty(total.size), np.empty(total.size), np.zeros(1, np.int64)
     push = (usual / speed) ** 3
-    variance = np.full(total.size, model.shift_variance)
-    _kernels_path.smooth_integral(total, variance, push, F, Q, Q_push, P0, 1, value, sigma, odd)
+    _kernels_path.smooth_chain(seen, variance, rows, push, F, Q, Q_push, P0, 1, value, sigma, odd)
     if odd[0]:
-        _log.info("%d of %d nodes of the path lie beyond five sigma and carry less weight", odd[0], total.size)
+        _log.info("%d of %d measurements of the path lie beyond five sigma and carry less weight", odd[0], seen.size)
     turn = turn_sigma(model, TURN_LAGS_M, total, _NODE_M, direction, float(grid[1] - grid[0]))
     return Wobble(np.interp(grid, nodes, value), np.interp(grid, nodes, sigma), turn)
 

@@ -153,7 +153,7 @@ def centreline(
     )
     values |= {name: interpolate(grid, axis, source[name].values) for name in names if name in source}
     ahead = slice(None, None, header.travel_sign)
-    found = direction_along(source, axis * header.travel_sign, (grid * header.travel_sign)[ahead], header)
+    found = direction_along(source, axis * header.travel_sign, (grid * header.travel_sign)[ahead], header, pose)
     turned = 0.0 if header.travel_sign > 0 else 180.0
     values["azimuth"] = (found.azimuth[ahead] + turned) % 360.0
     values["pitch"] = header.travel_sign * found.pitch[ahead]

@@ -17,7 +17,6 @@ from deform.run.raw import ImuHeader
 Floats = NDArray[Any]
 
 _STANDARD_GRAVITY = 9.80665
-_PATH_LENGTH_M = 100.0  # over which markers and the cross-track constraint bound an error of the path's direction
 _SEGMENT_M = 256.0  # length of the pieces whose spectra are averaged
 _PIECE_M = 50.0  # the same for the attitude by itself
 _MOST_WEIGHT = 30.0  # values of the periodogram that a band counts for; more of them do not make the model better
@@ -51,6 +50,7 @@ class WobbleModel:
     shift_variance : variance of the tool's shift in the pipe, and of its shaking, at one node (m²).
     ride : intensity of the white noise of the path's direction: the tool's shift as it wanders (rad² m).
     path_drive : intensity of the random walk of the path's direction: accelerometer noise over speed (rad²/m).
+    tilt_drive : the same of its second derivative: gravity times the random walk of the tilt over speed squared (rad²/m³).
     turn_drive : random walk of the gyros per metre (rad²/m).
     """
 
@@ -60,7 +60,14 @@ class WobbleModel:
     shift_variance: float
     ride: float
     path_drive: float
+    tilt_drive: float
     turn_drive: float
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the wobble (rad)."""
+        frequency = np.geomspace(1e-5, 5.0, 4000)
+        return math.sqrt(float(np.trapezoid(self.wobble_spectrum(frequency), frequency)))
 
     def wobble_spectrum(self, frequency: Floats) -> Floats:
         """One-sided power spectral density of the wobble (rad² m)."""
@@ -68,30 +75,48 @@ class WobbleModel:
 
     def noise_spectrum(self, frequency: Floats, node: float) -> Floats:
         """One-sided power spectral density of what else is in the departure (rad² m)."""
-        return _noise_spectrum(frequency, self.shift_variance, self.ride, self.path_drive, node)
+        drift = _drift_spectrum(frequency, self.path_drive, self.tilt_drive)
+        return _ride_spectrum(frequency, self.shift_variance, self.ride, node) + drift
 
-    def discrete(self, node: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Transition, noise of the wobble, noise of the path, first covariance of [integral, wobble ... poles, path error]."""
-        m = self.order + 2
-        A, L = np.zeros((m, m)), np.zeros((m, m))
-        A[0, 1] = A[0, m - 1] = 1.0
-        for i in range(1, m - 1):
-            A[i, i] = -self.rate
-            if i < m - 2:
-                A[i, i + 1] = self.rate
-        A[m - 1, m - 1] = -1.0 / _PATH_LENGTH_M
+    def discrete(self, node: float, shift_sigma: float = 0.0) -> tuple[Floats, Floats, Floats, Floats]:
+        """Transition, noise, noise of the path, first covariance of [integral, wobble and its poles, path error, shift and its].
+
+        Notes
+        -----
+        The navigation's path already weighs the accelerometers against the wobble: its error at long waves is what
+        S_w S_n / (S_w + S_n) leaves, an Ornstein-Uhlenbeck process of that power here, and the wobble enters with its short waves
+        only (poles at half the rate, same fall), lest it be counted twice. ``shift_sigma`` (m), when there is a ring of arms, is
+        the tool's slow shift in the pipe; it has the shape of the wobble, for both come from how the tool rides on its cups.
+        """
+        p = self.order
+        m = p + 2 + (p if shift_sigma > 0 else 0)
+        A, L, push = np.zeros((m, m)), np.zeros((m, m)), np.zeros((m, m))
+        A[0, 1] = A[0, p + 1] = 1.0
         L[0, 0] = self.ride
-        L[m - 2, m - 2] = self.drive
-        push = np.zeros((m, m))
-        push[m - 1, m - 1] = self.path_drive
+        slow = 0.5 * self.rate
+        _chain(A, 1, p, slow)
+        L[p, p] = self.drive * (self.rate / slow) ** (2 * p - 2)
+        error, length = self.path_error()
+        A[p + 1, p + 1] = -1.0 / length
+        push[p + 1, p + 1] = 2.0 * error**2 / length
+        if shift_sigma > 0:
+            _chain(A, p + 2, p, self.rate)
+            unit = solve_continuous_lyapunov(A[p + 2 :, p + 2 :], -_corner(p))[0, 0]
+            L[m - 1, m - 1] = shift_sigma**2 / unit
         F, Q = _van_loan(A, L, node)
-        Q_push = _van_loan(A, push, node)[1]
         P0 = np.zeros((m, m))
-        inner = slice(1, m - 1)
-        P0[inner, inner] = solve_continuous_lyapunov(A[inner, inner], -L[inner, inner])
-        P0[m - 1, m - 1] = 0.5 * self.path_drive * _PATH_LENGTH_M
+        P0[1:, 1:] = solve_continuous_lyapunov(A[1:, 1:], -(L + push)[1:, 1:])
         P0[0, 0] = 100.0 * self.shift_variance
-        return F, Q, Q_push, P0
+        return F, Q, _van_loan(A, push, node)[1], P0
+
+    def path_error(self) -> tuple[float, float]:
+        """Sigma (rad) and length (m) of the error of the path's direction in long waves."""
+        frequency = np.geomspace(1e-5, 1.0, 4000)
+        wobble = self.wobble_spectrum(frequency)
+        drift = _drift_spectrum(frequency, self.path_drive, self.tilt_drive)
+        left = wobble * drift / (wobble + drift)
+        error = math.sqrt(max(float(np.trapezoid(left, frequency)), 1e-16))
+        return error, float(np.clip(left[0] / (4.0 * error**2), 2.0, 500.0))
 
     def left_spectrum(self, frequency: Floats, node: float) -> Floats:
         """One-sided spectrum of the error that the smoother leaves in the direction (rad² m): S_w S_n / (S_w + S_n)."""
@@ -111,20 +136,23 @@ def fit_wobble(total: Floats, node: float, speed: float, imu: ImuHeader) -> Wobb
 
     Notes
     -----
+    The navigation that made the path knows of the wobble too: of waves in which the accelerometers drift by more than the tool
+    wobbles it shows the share S_w / (S_w + S_drift) only, and the model is compared with what is shown.
     Averaged periodograms in bands of equal ratio, compared by their logarithms: wobble of 1 to 4 equal poles, plus the shift of
     the tool as white noise and as random walk of the path. The number of poles with the least misfit is taken.
     """
     path = max(imu.accel_random_walk_ug_per_sqrt_hz * 1e-6 * _STANDARD_GRAVITY, 1e-7) ** 2 / max(speed, 0.05) ** 3
     turn = (math.radians(imu.gyro_random_walk_deg_per_sqrt_h) / 60.0) ** 2 / max(speed, 0.05)
+    tilt = turn * _STANDARD_GRAVITY**2 / max(speed, 0.05) ** 4
     sigma, length, shift = _DEFAULT
-    fallback = WobbleModel(2.0 * sigma**2 / length, 1.0 / length, 1, shift**2, 0.0, path, turn)
+    fallback = WobbleModel(2.0 * sigma**2 / length, 1.0 / length, 1, shift**2, 0.0, path, tilt, turn)
     frequency, power, weight = _spectrum(total, node)
     if frequency.size < 6:
         return fallback
     best, least = fallback, np.inf
     for order in _ORDERS:
         for rate in (0.03, 0.3):
-            model, misfit = _fit_order(frequency, power, weight, order, rate * order, node, path, turn)
+            model, misfit = _fit_order(frequency, power, weight, order, rate * order, node, (path, tilt, turn))
             if misfit < least:
                 best, least = model, misfit
     return best
@@ -167,7 +195,7 @@ def turn_sigma(model: WobbleModel, lags: Floats, total: Floats, node: float, dir
 
 
 def _fit_order(
-    frequency, power, weight, order: int, rate: float, node: float, path: float, turn: float
+    frequency: Floats, power: Floats, weight: Floats, order: int, rate: float, node: float, inertial: tuple[float, float, float]
 ) -> tuple[WobbleModel, float]:
     """Least squares of the logarithms over wobble power, decay, shift and ride, begun at a decay."""
     variance = max(float(np.trapezoid(power, frequency)), 1e-14)
@@ -176,11 +204,13 @@ def _fit_order(
 
     def model_of(x):
         size, decay, spread, white = np.exp(x)
-        return WobbleModel(size * decay, decay, order, spread, white, path, turn)
+        return WobbleModel(size * decay, decay, order, spread, white, *inertial)
 
     def misfit(x):
         model = model_of(x)
-        return np.sqrt(weight) * np.log((model.wobble_spectrum(frequency) + model.noise_spectrum(frequency, node)) / power)
+        wobble, drift = model.wobble_spectrum(frequency), _drift_spectrum(frequency, model.path_drive, model.tilt_drive)
+        seen = wobble**2 / (wobble + drift) + _ride_spectrum(frequency, model.shift_variance, model.ride, node)
+        return np.sqrt(weight) * np.log(seen / power)
 
     low, high = np.log([1e-16, 1e-3, 1e-15, 1e-16]), np.log([1.0, 2.0 * order, 1.0, 1.0])
     start = np.log([variance, rate, max(shift, 1e-14), max(ride, 1e-15)])
@@ -204,6 +234,20 @@ def _spectrum(total: Floats, node: float) -> tuple[Floats, Floats, Floats]:
     return table[:, 0], table[:, 1], np.minimum(table[:, 2], _MOST_WEIGHT)
 
 
+def _chain(A: Floats, first: int, poles: int, rate: float) -> None:
+    """Lay a cascade of equal poles into a system matrix; its first state is the output, its last is driven."""
+    for i in range(first, first + poles):
+        A[i, i] = -rate
+        if i < first + poles - 1:
+            A[i, i + 1] = rate
+
+
+def _corner(n: int) -> Floats:
+    out = np.zeros((n, n))
+    out[-1, -1] = 1.0
+    return out
+
+
 def _slope(total: Floats) -> Floats:
     """Differences of the sum from node to node, gaps bridged."""
     known = np.flatnonzero(np.isfinite(total))
@@ -224,10 +268,15 @@ def _wobble_spectrum(frequency: Floats, drive: float, rate: float, order: int) -
     return 2.0 * drive * rate ** (2 * order - 2) / (omega2 + rate**2) ** order
 
 
-def _noise_spectrum(frequency: Floats, shift: float, ride: float, path: float, node: float) -> Floats:
+def _ride_spectrum(frequency: Floats, shift: float, ride: float, node: float) -> Floats:
+    """Slope of the path by the tool's shift: white at the nodes, and wandering."""
+    return 2.0 * node * shift * (2.0 * np.sin(np.pi * frequency * node) / node) ** 2 + 2.0 * ride
+
+
+def _drift_spectrum(frequency: Floats, path: float, tilt: float) -> Floats:
+    """Direction of an inertial path by itself: accelerometer noise once, tilt of the gyros' random walk twice integrated."""
     omega2 = (2.0 * np.pi * frequency) ** 2
-    slope = 2.0 * node * shift * (2.0 * np.sin(np.pi * frequency * node) / node) ** 2
-    return slope + 2.0 * ride + 2.0 * path / (omega2 + 1.0 / _PATH_LENGTH_M**2)
+    return 2.0 * path / omega2 + 2.0 * tilt / omega2**2
 
 
 def _van_loan(A: Floats, L: Floats, step: float) -> tuple[Floats, Floats]:
