@@ -173,7 +173,7 @@ def compare_runs(survey: Survey, ledger: Ledger, paths: list[Path], key: str) ->
     runs = [store.read_run(path) for path in paths]
     with ledger.stage("match", match_key) as record:
         matching = match(runs, survey.options, reference=survey.reference, locks=survey.locks, folder=survey.folder)
-        ledger.outputs(record, [survey.folder / "tables" / f"{name}.csv" for name in ("welds", "joints")])
+        ledger.outputs(record, [survey.folder / "tables" / "welds.csv"])  # compare completes the joints
     with ledger.stage("compare", compare_key) as record:
         written = compare(runs, matching, survey.options, survey.folder, progress=ledger.ticker("compare"))
         ledger.outputs(record, written)

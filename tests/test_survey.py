@@ -155,7 +155,6 @@ def test_raw_run_and_listing_meet_in_one_survey(demo_out, demo, tmp_path):
     (tmp_path / "own.toml").write_text(OWN_MAP)
     runs = '[[runs]]\ntally = "listing.csv"\ncolumns = "own.toml"\nid = "2017"\ndate = 2017-01-01\n' + _raw(demo, "demo-2019")
     survey = _survey(tmp_path, runs)
-    (tmp_path / "out" / "runs").mkdir(parents=True)
     out = run_survey(survey)
     table = store.read_table(out / "tables" / "welds.csv", "welds")
     both = table[table.status == "matched"].groupby("weld_id").run.nunique()
@@ -164,6 +163,14 @@ def test_raw_run_and_listing_meet_in_one_survey(demo_out, demo, tmp_path):
 
 OWN_MAP = """
 name = "own"
+title = "a map written for this test"
+[columns]
+distance = { header = "distance", unit = "m" }
+event = "event"
+joint = "joint"
+[[rows]]
+kind = "weld"
+event = "girth weld"
 """
 
 
