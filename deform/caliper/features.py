@@ -65,7 +65,7 @@ def joint_walls(welds: xr.Dataset, section: xr.Dataset, outside_diameter: float)
     place, at = welds["chainage"].values, section["chainage"].values
     wall = np.full(place.size, np.nan)
     sure = np.flatnonzero(welds["probability"].values >= 0.5)
-    for first, last in zip(sure, np.append(sure[1:], -1), strict=True):
+    for first, last in zip(sure, np.append(sure, -1)[1:], strict=True):
         end = place[last] if last >= 0 else at[-1] if at.size else place[first]
         inside = (at > place[first] + 0.3) & (at < end - 0.3)
         if inside.sum() >= 3:

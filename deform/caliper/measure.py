@@ -24,6 +24,8 @@ from deform.run.raw import RawRun
 
 logger = logging.getLogger(__name__)
 
+_REFUSED_M = 0.1  # shorter stretches without a section are not worth a word
+
 
 @dataclass(frozen=True)
 class Measurement:
@@ -84,6 +86,8 @@ def measure(
     fitters = [SectionFitter(a, s, options.largest_lost_arms) for a, s in zip(reader.angle_rad, state.sigma, strict=True)]
     coarse, logs = _log_and_map(reader, fitters, options, tell)
     diameter = raw.header.pipe.outside_diameter_m
+    for log in logs:
+        _tell_refused(raw.id, log)
     least = options.least_dent_depth_od * diameter
     dents, fits = measure_dents(reader, logs, candidates(logs, sigma, least), sigma, diameter, least)
     relieve(reader, logs, fitters, fits)
@@ -134,6 +138,19 @@ def _log_and_map(
 
         logs.append(log_scans(reader, ring, fitter, each))
     return coarse, logs
+
+
+def _tell_refused(run_id: str, log: ScanLog) -> None:
+    """Say where sections were refused because too many arms were lost."""
+    lost = np.flatnonzero(log.moving & ~np.isfinite(log.radius))
+    if not lost.size:
+        return
+    groups = np.split(lost, np.flatnonzero(np.diff(lost) > 5) + 1)
+    long = [g for g in groups if np.ptp(log.chainage[g]) > _REFUSED_M]
+    places = ", ".join(f"{log.chainage[g].min():.1f} to {log.chainage[g].max():.1f} m" for g in long[:5])
+    if long:
+        more = f" and {len(long) - 5} more" if len(long) > 5 else ""
+        logger.warning("%s: too many arms lost for a section at %s%s", run_id, places, more)
 
 
 def _joined(windows: list[tuple[float, float]]) -> list[tuple[float, float]]:
