@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,8 @@ from numpy.typing import NDArray
 
 from deform.change.dent_change import compare_dents
 from deform.change.detection_limit import limit_rows
-from deform.change.joint_change import noise_of_joints, with_axial_strain
-from deform.change.pair import PairChange, pair_change
+from deform.change.joint_change import elongation, noise_of_joints, with_axial_strain
+from deform.change.pair import PairChange, PairSearch
 from deform.change.stack import POSITION, Layer, layer, reference_axis, run_day, run_id, tangents
 from deform.change.zone_table import zone_table
 from deform.errors import Fault, InputError
@@ -76,7 +77,7 @@ def compare(
     `zones`), and every derived number gets its sigma from the stable pipe of the pair itself (`noise_floor`). A listing tells
     only what it holds.
     """
-    options = options or ChangeOptions()
+    options, tick = options or ChangeOptions(), progress or (lambda fraction: None)
     runs = _in_order(runs, matching)
     names = [run_id(run) for run in runs]
     reference = str(matching.reference)
@@ -88,7 +89,7 @@ def compare(
     diameter = _diameter(runs, ground, remarks)
     axes = tangents(ground, axis) if ground.has(*POSITION) or ground.has("azimuth", "pitch") else None
     values = _Values(len(runs), axis.size)
-    pairs: list[PairChange] = []
+    searches: dict[int, PairSearch] = {}
     for k, run in enumerate(runs):
         if names[k] == reference:
             values.reference(k, ground)
@@ -97,27 +98,46 @@ def compare(
             remarks += _what_is_missing(ground, other)
             values.place(k, other)
             if axes is not None:
-                edits = tuple((float(a), float(b)) for a, b in np.asarray(matching.maps[names[k]].broken, float).reshape(-1, 2))
-                pair = pair_change(ground, other, axis, axes, options, edits)
-                values.change(k, pair, diameter)
-                remarks += [f"{pair.run}: {remark}" for remark in pair.remarks]
-                pairs.append(pair)
-        if progress:
-            progress(0.9 * (k + 1) / len(runs))
+                searches[k] = _search(ground, other, axis, axes, matching, options)
+        tick(0.8 * (k + 1) / len(runs))
+    pairs = _finish(searches, values, diameter)
+    tick(0.9)
     joints = with_axial_strain(matching.joints, reference, names, options.k_sigma)
     zones = zone_table(pairs, axis, matching.edits, joints, diameter, options)
     dents = compare_dents(runs, matching, options, joints)
     limits = build.table(
         "limits", pd.DataFrame([r for p in pairs for r in limit_rows(p, diameter, noise_of_joints(joints, p.run))])
     )
-    if progress:
-        progress(1.0)
+    tick(1.0)
     for remark in remarks:
         log.warning("%s", remark)
     dataset = values.dataset(names, runs, axis, reference, ground.gauge_length)
     if np.isfinite(diameter):
         dataset.attrs["outside_diameter_m"] = diameter
     return Comparison(dataset, zones, dents, joints, limits, tuple(remarks))
+
+
+def _search(ground: Layer, other: Layer, axis: Floats, axes: Any, matching: Any, options: ChangeOptions) -> PairSearch:
+    """Search one run for what changed since the reference run."""
+    broken = np.asarray(matching.maps[other.run].broken, float).reshape(-1, 2)
+    edits = tuple((float(start), float(end)) for start, end in broken)
+    longer = partial(elongation, matching.joints, other.run) if f"change_m:{other.run}" in matching.joints else None
+    search = PairSearch(ground, other, axis, axes, options, edits, longer)
+    search.run()
+    return search
+
+
+def _finish(searches: dict[int, PairSearch], values: _Values, diameter: float) -> list[PairChange]:
+    """Changes of all runs on datums that what moved in any run has no part in; each search is let go when it is done."""
+    moving = [stretch for search in searches.values() for stretch in search.excluded]
+    pairs = []
+    for k in list(searches):
+        search = searches.pop(k)
+        search.keep_clear(moving)
+        pair = search.finish()
+        values.change(k, pair, diameter)
+        pairs.append(pair)
+    return pairs
 
 
 def _in_order(runs: list[xr.DataTree], matching: Any) -> list[xr.DataTree]:

@@ -14,7 +14,7 @@ from deform.change.stack import Layer
 
 Floats = NDArray[Any]
 COMPONENTS = ("horizontal", "vertical")
-_SAMPLE = 1_000_000  # places that the noise is learned from, at most
+_SAMPLE = 300_000  # places that the noise is learned from, at most
 
 
 @dataclass(frozen=True)

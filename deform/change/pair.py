@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from deform.change import _kernels, zones
 from deform.change.curvature_change import CurvatureChange, curvature_change
 from deform.change.datum import Datum, drift_model, fit_drift
-from deform.change.noise_floor import floor_by_class, speed_class
+from deform.change.noise_floor import floor_by_class, speed_class, spread
 from deform.change.position_change import along_pipe, along_pipe_sigma, raw_difference
 from deform.change.stack import Layer
 from deform.change.wavelength import Signals, Waves, scan, wavelengths
@@ -53,15 +54,15 @@ class PairChange:
     remarks: list[str] = field(default_factory=list)
 
 
-def pair_change(
-    reference: Layer,
-    other: Layer,
-    axis: Floats,
-    axes: tuple[Floats, Floats, Floats],
-    options: ChangeOptions,
-    edits: tuple[tuple[float, float], ...] = (),
-) -> PairChange:
-    """Return the change of one run since the reference run.
+def pair_change(*args, **kwargs) -> PairChange:
+    """Return the change of one run since the reference run: `PairSearch` searched and finished."""
+    search = PairSearch(*args, **kwargs)
+    search.run()
+    return search.finish()
+
+
+class PairSearch:
+    """Search and exclusion: find what moved with the pipe beside it as datum, take it out of the datum, look again.
 
     Parameters
     ----------
@@ -70,39 +71,23 @@ def pair_change(
     axes : tangent, right, lift of the reference pipe, each (n, 3).
     options : thresholds and wavelengths.
     edits : stretches that were replaced between the two runs; nothing is said about them.
+    elongation : gives the elongation of the joints of a stretch of the reference chainage, and its sigma (m).
     """
-    difference = raw_difference(reference, other)
-    classes = speed_class(other.values.get("speed"), axis.size)
-    usable = other.valid & reference.valid & ~_inside(axis, edits, options.edit_margin_m)
-    search = _Search(reference, other, axis, axes, options, difference, classes, usable)
-    search.run()
-    displacement, sigma, floors = search.displacement()
-    ovality, ovality_sigma = _ovality(reference, other, classes, search.stable, floors)
-    floors |= {f"bending strain {name}": _strain_floor(c, other) for name, c in search.curvature.items()}
-    return PairChange(
-        run=other.run,
-        reference=reference.run,
-        displacement=displacement,
-        displacement_sigma=sigma,
-        curvature=search.curvature,
-        ovality=ovality,
-        ovality_sigma=ovality_sigma,
-        stable=search.stable,
-        candidates=search.found,
-        place=search.place,
-        signals=search.signals,
-        waves=search.waves,
-        drift=search.datum.drift if search.datum else None,
-        floors=floors,
-        limit=search.limit,
-        remarks=search.remarks,
-    )
 
-
-class _Search:
-    """Search and exclusion: find what moved with the pipe beside it as datum, take it out of the datum, look again."""
-
-    def __init__(self, reference, other, axis, axes, options, difference, classes, usable):
+    def __init__(
+        self,
+        reference: Layer,
+        other: Layer,
+        axis: Floats,
+        axes: tuple[Floats, Floats, Floats],
+        options: ChangeOptions,
+        edits: tuple[tuple[float, float], ...] = (),
+        elongation: Callable[[float, float], tuple[float, float]] | None = None,
+    ):
+        difference = raw_difference(reference, other)
+        classes = speed_class(other.values.get("speed"), axis.size)
+        usable = other.valid & reference.valid & ~_inside(axis, edits, options.edit_margin_m)
+        self.elongation = elongation
         self.reference, self.other, self.axis, self.options = reference, other, axis, options
         self.axes, self.difference, self.classes, self.usable = axes, difference, classes, usable
         self.step = float(axis[1] - axis[0])
@@ -112,7 +97,7 @@ class _Search:
         self.scan_axes = (self._coarse(axes[0]), self._coarse(axes[1]), self._coarse(axes[2]))
         self.scan_usable = self._coarse(usable[:, None].astype(float))[:, 0] > 0.5
         self.lengths = wavelengths(options.shortest_wavelength_m, options.longest_wavelength_m, axis[-1] - axis[0])
-        self.limit = zones.threshold(self.lengths, options.false_alarms_per_100_km)
+        self.limit = zones.threshold(self.lengths, options.false_alarms_per_100_km, elongation is not None)
         self.found: list[zones.Candidate] = []
         self.excluded: list[tuple[float, float]] = []
         self.stable = usable.copy()
@@ -121,10 +106,10 @@ class _Search:
         self.signals: Signals | None = None
         self.waves: list[Waves] = []
         self.remarks: list[str] = []
+        self.has_position = bool(np.isfinite(self.scan_difference).any())
 
     def run(self) -> None:
         """Search until a round finds nothing more."""
-        self.has_position = bool(np.isfinite(self.scan_difference).any())
         for number in range(_ROUNDS):
             self._changes_of_curvature()
             if not (self.has_position or self.curvature):
@@ -134,28 +119,90 @@ class _Search:
             if self.model is None:
                 return
             self.waves = scan(self.signals, self.model, self.lengths, self.scan_usable & ~_inside(self.place, self.excluded, 0.0))
-            new = zones.peaks(self.waves, self.limit, self.excluded)
+            new = zones.peaks(self.waves, self.limit, self.excluded, self.elongation)
             if not new and number > 0:
                 return
             if new:
                 self._take(new)
 
-    def displacement(self):
+    def keep_clear(self, stretches: list[tuple[float, float]]) -> None:
+        """Take stretches that moved in another run out of the datum of this one as well, and fit it anew."""
+        own = len(self.excluded)
+        self.excluded += [(a, b) for a, b in stretches if not any(c <= a and b <= d for c, d in self.excluded)]
+        if len(self.excluded) == own:
+            return
+        self.stable = self.usable & ~_inside(self.axis, self.excluded, 0.0)
+        if self.curvature or self.has_position:
+            self._changes_of_curvature()
+            self._fit()
+            self._measure()
+
+    def finish(self) -> PairChange:
+        """Return the change with its sigma on the datum as it stands."""
+        displacement, sigma, floors = self._displacement()
+        ovality, ovality_sigma = _ovality(self.reference, self.other, self.classes, self.stable, floors)
+        floors |= {f"bending strain {name}": _strain_floor(c, self.other) for name, c in self.curvature.items()}
+        return PairChange(
+            run=self.other.run,
+            reference=self.reference.run,
+            displacement=displacement,
+            displacement_sigma=sigma,
+            curvature=self.curvature,
+            ovality=ovality,
+            ovality_sigma=ovality_sigma,
+            stable=self.stable,
+            candidates=self.found,
+            place=self.place,
+            signals=self.signals,
+            waves=self.waves,
+            drift=self.datum.drift if self.datum else None,
+            floors=floors,
+            limit=self.limit,
+            remarks=self.remarks,
+        )
+
+    def _displacement(self):
         """Displacement (n, 5), its sigma, and the noise floors."""
         if not self.has_position or self.datum is None:
             return None, None, {}
-        drift = np.column_stack([np.interp(self.axis, self.place, self.datum.drift[:, m]) for m in range(3)])
-        variance = np.column_stack([np.interp(self.axis, self.place, self.datum.variance[:, m]) for m in range(3)])
+        drift = _finer(self.axis, self.place, self.datum.drift)
         moved = np.where(self.other.valid[:, None], self.difference - drift, np.nan)
         lateral, axial = along_pipe(moved, self.axes[0], self.axes[1])
         noise, floors = [], {}
         for name, values in (("lateral", lateral), ("up", moved[:, 2]), ("axial", axial)):
             floor, floors[f"displacement {name}"] = floor_by_class(values, self.classes, self.stable)
             noise.append(floor)
-        carried = np.where(self.stable[:, None], 0.0, variance)  # on the datum pipe the floor holds it already
-        sigma = np.sqrt(self._east_north_up(*noise) ** 2 + carried)
+        sigma = self._east_north_up(*noise)  # on the datum pipe the floor holds the scatter of the datum already
+        gone = ~self.stable
+        bridged = np.sqrt(sigma**2 + _finer(self.axis, self.place, self.datum.variance)) * self._bridge_factor(noise)
+        sigma[gone] = bridged[gone]
         across, along = along_pipe_sigma(sigma, self.axes[0], self.axes[1])
         return np.column_stack([moved, lateral, axial]), np.column_stack([sigma, across, along]), floors
+
+    def _bridge_factor(self, noise: list[Floats]) -> Floats:
+        """By how much the datum under a zone is worse than its own variance says, east, north, up (3,); from gaps that did
+        not move.
+
+        Gaps as wide as the zones are cut into the stable pipe, the drift is fitted without them, and what it misses there is set
+        against what it claims: short noise that is not white, and drift that is no random walk, show here and nowhere else.
+        """
+        factor = np.ones(3)
+        if self.datum is None or not self.excluded:
+            return factor
+        width = float(np.clip(np.median([b - a for a, b in self.excluded]), 30.0, 300.0))
+        stable = self.scan_usable & ~_inside(self.place, self.excluded, 0.0)
+        gap = ((self.place - self.place[0]) % (4.0 * width) > 1.5 * width) & (
+            (self.place - self.place[0]) % (4.0 * width) < 2.5 * width
+        )
+        datum = fit_drift(self.place, self.scan_difference, self.scan_axes, stable & ~gap, self.model)
+        floor = self._east_north_up(*noise)[:: self.size][: self.place.size]
+        claimed = np.sqrt(floor**2 + datum.variance)
+        core = stable & gap & ((self.place - self.place[0]) % (4.0 * width) > 1.75 * width)
+        core &= (self.place - self.place[0]) % (4.0 * width) < 2.25 * width
+        for m in range(3):
+            seen = spread(((self.scan_difference - datum.drift)[:, m] / claimed[:, m])[core])
+            factor[m] = max(seen, 1.0) if np.isfinite(seen) else 1.0
+        return factor
 
     def _east_north_up(self, lateral, up, axial) -> Floats:
         """Sigma of east, north, up from those along the pipe's axes."""
@@ -242,6 +289,11 @@ def _ovality(reference: Layer, other: Layer, classes: Floats, stable: Floats, fl
     factor, _ = floor_by_class(change / formal, classes, stable)
     floors["ovality"] = floor_by_class(change, classes, stable)[1]
     return change, factor * formal
+
+
+def _finer(axis: Floats, place: Floats, values: Floats) -> Floats:
+    """Values of the scan axis on the reference chainage, column by column."""
+    return np.column_stack([np.interp(axis, place, column) for column in values.T])
 
 
 def _clear_of(c: zones.Candidate, margin: float, share: float) -> tuple[float, float]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm, t
 
 Floats = NDArray[Any]
+_SCATTER_LEVEL = 0.05  # chance below which residuals are larger than their sigmas allow
 _SHAPE_LEVEL = 0.01  # chance at which a shape is called though the rate is steady
 
 
@@ -42,8 +43,9 @@ def fit_line(year: Floats, value: Floats, sigma: Floats, probability: float) -> 
 
     Notes
     -----
-    With f = n - 2 degrees of freedom left the sigma from the weights is widened by √(χ²/f) when the residuals exceed them,
-    and the interval is then Student's; residuals smaller than stated never narrow it. Two epochs keep the stated sigma.
+    With f = n - 2 degrees of freedom left the sigma from the weights is widened by √(χ²/f) when the residuals exceed what the
+    sigmas allow (five in a hundred), and the interval is then Student's; residuals smaller than stated never narrow it. Two
+    epochs keep the stated sigma.
 
     Examples
     --------
@@ -59,7 +61,7 @@ def fit_line(year: Floats, value: Floats, sigma: Floats, probability: float) -> 
     residual = value - base - rate * (year - middle)
     chi_square, freedom = float(np.sum(weight * residual**2)), int(year.size - 2)
     formal = float(spread**-0.5)
-    if freedom > 0 and chi_square > freedom:
+    if freedom > 0 and chi2.sf(chi_square, freedom) < _SCATTER_LEVEL:
         rate_sigma = formal * np.sqrt(chi_square / freedom)
         reach = t.ppf(0.5 + probability / 2.0, freedom) * rate_sigma
     else:

@@ -64,8 +64,15 @@ def _row(series: Series, options: TrendOptions) -> dict | None:
     line = fit_line(year, value, sigma, options.interval_probability)
     limit_name, limit = _limit(series, options)
     last_day = float(series.day[good][-1])
+    words = _remarks(year, value, sigma, line)
+    steady = not any("step" in word for word in words)
     forecast = forecast_limit(line, value[-1], sigma[-1], limit, last_day, options.horizon_years)
     used = abs(value[-1]) / limit if np.isfinite(limit) and limit > 0 else 0.0
+    if not steady:
+        words.append("no forecast: what came at once gives no rate")
+        forecast = Forecast(float("nan") if used < 1.0 else last_day, 0.0 if used < 1.0 else 1.0)
+    if used >= 1.0:
+        words.append("limit is passed already")
     return {
         "subject": series.subject,
         "kind": series.kind,
@@ -80,7 +87,7 @@ def _row(series: Series, options: TrendOptions) -> dict | None:
         "limit_value": limit,
         "forecast_date": _date(forecast.day),
         "forecast_probability": forecast.probability,
-        "remark": "; ".join(_remarks(year, value, sigma, line, used, options)),
+        "remark": "; ".join(words),
         "theil_sen_per_year": theil_sen(year, value),
         "limit_used": used,
         "_urgency": (round(forecast.probability, 3), used, abs(line.rate) / max(line.rate_sigma, 1e-12)),
@@ -126,7 +133,7 @@ def _limit(series: Series, options: TrendOptions) -> tuple[str, float]:
     return f"{name} ({options.limit_basis})", float(value)
 
 
-def _remarks(year: Floats, value: Floats, sigma: Floats, line: Line, used: float, options: TrendOptions) -> list[str]:
+def _remarks(year: Floats, value: Floats, sigma: Floats, line: Line) -> list[str]:
     words = []
     if year.size == 2:
         words.append("two epochs give a difference, no proof of a steady rate")
@@ -134,8 +141,6 @@ def _remarks(year: Floats, value: Floats, sigma: Floats, line: Line, used: float
         words += shape_of(year, value, sigma)
     if abs(line.rate) < 2.0 * line.rate_sigma:
         words.append("rate is not significant")
-    if used >= 1.0:
-        words.append("limit is passed already")
     return words
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from deform.change.joint_change import elongation
 from deform.change.pair import PairChange
@@ -97,12 +98,12 @@ def _row(group: _Group, pairs, axis, joints, outside_diameter, options) -> dict 
     if not (moved or curved):
         return None
     looks = TESTS_PER_WAVELENGTH * (axis[-1] - axis[0]) * sum(1.0 / w.length for w in pairs[at].waves)
-    _, best = group.best
+    best_pair, best = group.best
     row = {
         "kind": "movement" if moved else "bending",
         "start_m": float(np.clip(group.start, axis[0], axis[-1])),
         "end_m": float(np.clip(group.end, axis[0], axis[-1])),
-        "first_epoch": pairs[flagged[0]].run,
+        "first_epoch": pairs[_first(best, best_pair, flagged, pairs, options)].run,
         "peak_strain_change": strain,
         "peak_strain_change_sigma": strain_sigma,
         "peak_displacement_m": peak["size"],
@@ -120,6 +121,26 @@ def _row(group: _Group, pairs, axis, joints, outside_diameter, options) -> dict 
     }
     row["reasons"] = _reasons(row, best, pairs, group, joints, options)
     return row
+
+
+def _first(best: Candidate, best_pair: int, flagged: list[int], pairs, options: ChangeOptions) -> int:
+    """Return the first run in which the change is significant, its place and length being known from the run that shows it best.
+
+    With the place given there is one look, not one for every wavelength of pipe: an earlier run counts when its amplitude
+    there is significant at one in a thousand, of half the least size at least, and in the same direction.
+    """
+    limit = chi2.isf(1e-3 / len(pairs), 2)
+    for k in range(flagged[0]):
+        if not pairs[k].waves:
+            continue
+        wave = min(pairs[k].waves, key=lambda w: abs(w.length - best.length))
+        i = int(np.argmin(np.abs(wave.place - best.centre)))
+        amplitude = np.nan_to_num(wave.amplitude[i])
+        size = float(np.linalg.norm(amplitude))
+        along = float(amplitude @ best.amplitude) / max(size * float(np.linalg.norm(best.amplitude)), 1e-12)
+        if wave.statistic[i] > limit and along > 0.8 and size > 0.5 * options.least_displacement_m:
+            return k
+    return flagged[0]
 
 
 def _peak_displacement(pair: PairChange, inside: Floats, step: float) -> dict:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from deform.change.wavelength import Waves
 
 Floats = NDArray[Any]
 TESTS_PER_WAVELENGTH = 6.0  # independent looks per wavelength of pipe and per scale; held by the false-alarm study
+
+JOINT_BOUND = 4.0  # most that the joint lengths may add to twice the log likelihood ratio
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,7 @@ class Candidate:
     statistic : twice the log likelihood ratio.
     amplitude, sigma : (2,) lateral and up of the best wave (m).
     position_score, curvature_score : what position and curvature alone say (chi-square).
+    joint_score : what the joint lengths add, at most `JOINT_BOUND`.
     """
 
     centre: float
@@ -37,21 +41,28 @@ class Candidate:
     sigma: Floats
     position_score: float
     curvature_score: float
+    joint_score: float = 0.0
 
 
-def threshold(lengths: Floats, false_alarms_per_100_km: float) -> float:
+def threshold(lengths: Floats, false_alarms_per_100_km: float, joints: bool = False) -> float:
     """Return the value that twice the log likelihood ratio exceeds so often on pipe that did not move.
 
     Notes
     -----
-    The chance of one look is the rate over the number of independent looks in 100 km, six per wavelength and scale (Bonferroni);
-    lateral and up together are chi-square with two degrees of freedom.
+    The chance of one look is the rate over the number of independent looks in 100 km, six per wavelength and scale
+    (Bonferroni); lateral and up together are chi-square with two degrees of freedom, the elongation of the joints is a third.
+    What joints say is bounded, so that one weld set wrong is no movement; three degrees are then on the safe side.
     """
     looks = float(np.sum(TESTS_PER_WAVELENGTH * 1e5 / np.asarray(lengths)))
-    return float(chi2.isf(false_alarms_per_100_km / looks, 2))
+    return float(chi2.isf(false_alarms_per_100_km / looks, 3 if joints else 2))
 
 
-def peaks(waves: list[Waves], limit: float, blocked: list[tuple[float, float]]) -> list[Candidate]:
+def peaks(
+    waves: list[Waves],
+    limit: float,
+    blocked: list[tuple[float, float]],
+    elongation: Callable[[float, float], tuple[float, float]] | None = None,
+) -> list[Candidate]:
     """Return the strongest waves above a limit; one that lies in the flanks of a stronger one waits for the next round.
 
     Parameters
@@ -59,11 +70,13 @@ def peaks(waves: list[Waves], limit: float, blocked: list[tuple[float, float]]) 
     waves : amplitudes of every wavelength.
     limit : least statistic.
     blocked : stretches already explained.
+    elongation : gives the elongation of the joints of a stretch and its sigma (m).
     """
+    bound = JOINT_BOUND if elongation else 0.0
     rows: list[tuple[float, Waves, int]] = []
     for wave in waves:
         score = wave.statistic
-        rows += [(float(score[i]), wave, int(i)) for i in np.flatnonzero(_crests(score) & (score > limit))]
+        rows += [(float(score[i]), wave, int(i)) for i in np.flatnonzero(_crests(score) & (score > limit - bound))]
     rows.sort(key=lambda row: -row[0])
     found: list[Candidate] = []
     for top, wave, i in rows:
@@ -72,8 +85,18 @@ def peaks(waves: list[Waves], limit: float, blocked: list[tuple[float, float]]) 
             continue
         if any(abs(at - c.centre) < 1.5 * max(wave.length, c.length) + 0.5 * min(wave.length, c.length) for c in found):
             continue
-        found.append(_candidate(top, wave, i))
+        extra = _joint_score(elongation, at - half, at + half)
+        if top + extra > limit:
+            found.append(replace(_candidate(top + extra, wave, i), joint_score=extra))
     return found
+
+
+def _joint_score(elongation: Callable[[float, float], tuple[float, float]] | None, start: float, end: float) -> float:
+    """What the elongation of the joints of a stretch adds to twice the log likelihood ratio."""
+    if elongation is None:
+        return 0.0
+    longer, sigma = elongation(start, end)
+    return float(min((longer / sigma) ** 2, JOINT_BOUND)) if np.isfinite(longer) and sigma > 0 else 0.0
 
 
 def _crests(score: Floats) -> Floats:

@@ -85,7 +85,8 @@ def coloured(rng, n, step, length, sigma):
 
 def _walked(rng, n, step, errors):
     """A heading error (rad) of a correlation length, as wobble leaves it, and the place error (m) it makes, held by the
-    markers."""
+    markers.
+    """
     if not errors.heading_deg > 0:
         return np.zeros(n), np.zeros(n)
     keep = np.exp(-step / errors.heading_length_m)
