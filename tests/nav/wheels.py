@@ -57,6 +57,7 @@ def run(
         turn += np.radians(angle) * np.clip((travel + 1.1 - place) / length, 0.0, 1.0)
     gyro = -np.diff(turn, prepend=0.0) / 1e-7
     accel = rng.normal(0.0, 1e-3, (time.size, 3)) + np.where(moving, shaking, 0.0)[:, None] * rng.normal(size=(time.size, 3))
+    accel[:, 2] += 9.82
     step = np.diff(travel, prepend=0.0)
     arm = 0.5 * diameter
     wheels = []
