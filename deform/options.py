@@ -151,9 +151,10 @@ class MovementOptions:
     length_m: Positive
     amplitude_m: Positive  # largest displacement, at the last run or at fraction 1
     kind: Literal["landslide", "settlement", "heave"] = "landslide"
-    side_deg: float = 90.0  # direction from the pipe's own, clockwise: 90 = to the right; settlement and heave are vertical
+    side_deg: float = 90.0  # direction from the pipe's own, clockwise: 90 = to the right; the part along the pipe is left out
     drop: float = 0.15  # downward part of a landslide, in parts of its amplitude
     plateau: Probability = 0.2  # part of the length that moves as one
+    straight: bool = True  # the line is laid without bends there
     history: Literal["linear", "step", "accelerating"] = "linear"
     step_run: Annotated[int, Field(ge=1)] = 1  # first run that sees a step
     fractions: tuple[float, ...] = ()  # fraction of the amplitude in each run, in place of the history
@@ -264,7 +265,7 @@ class SimulateOptions:
                 RunOptions(id="demo-2019", date=datetime.date(2019, 7, 2)),
                 RunOptions(id="demo-2022", date=datetime.date(2022, 8, 9)),
             ),
-            movements=(MovementOptions(id="LS1", start_m=600.0, length_m=120.0, amplitude_m=0.8, side_deg=80.0),),
+            movements=(MovementOptions(id="LS1", start_m=600.0, length_m=120.0, amplitude_m=0.8),),
             replacements=(ReplacementOptions(id="C1", start_m=960.0, length_m=60.0),),
             dents=(
                 DentOptions(id="D01", chainage_m=233.3, clock_deg=172.0, depths_od=(0.022, 0.022)),

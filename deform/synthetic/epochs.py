@@ -17,7 +17,7 @@ from deform.synthetic._kernels import AZIMUTH, HEIGHT, LATITUDE, LONGITUDE, PITC
 from deform.synthetic.lists import WeldList, joint_lists
 from deform.synthetic.route import Line, draw_lengths, stream
 
-__all__ = ["WeldList", "dents_at", "displacement", "events_at", "joint_lists", "line_at", "place_of", "shifted"]
+__all__ = ["WeldList", "calm_spans", "dents_at", "displacement", "events_at", "joint_lists", "line_at", "place_of", "shifted"]
 
 Floats = NDArray[Any]
 
@@ -77,6 +77,11 @@ def line_at(built: Line, options: SimulateOptions, run: int) -> Line:
     return replace(line, joints=_along(line, joints))
 
 
+def calm_spans(options: SimulateOptions) -> list[tuple[float, float]]:
+    """Return the stretches that move, with a margin: pipe that is laid straight there stretches by no more than steel can."""
+    return [(m.start_m - 15.0, m.start_m + m.length_m + 15.0) for m in options.movements if m.straight]
+
+
 def fraction(movement: MovementOptions, options: SimulateOptions, run: int) -> float:
     """Return the part of a movement's amplitude that one run finds.
 
@@ -113,12 +118,10 @@ def place_of(built: Line, event: MovementOptions | ReplacementOptions) -> Place:
         welds = built.joints.material_start.to_numpy()[1:]
         start = float(welds[np.abs(welds - start).argmin()])
         end = float(welds[np.abs(welds - end).argmin()])
-        return Place(start, end, event.offset_m * _to_side(built, start, end, 90.0, 0.0), 0.2)
-    if event.kind == "landslide":
-        vector = event.amplitude_m * _to_side(built, start, end, event.side_deg, event.drop)
-    else:
-        vector = np.array([0.0, 0.0, event.amplitude_m if event.kind == "heave" else -event.amplitude_m])
-    return Place(start, end, vector, event.plateau)
+        return Place(start, end, event.offset_m * _across(built, start, end, np.array([1.0, 0.0, 0.0])), 0.2)
+    side, drop = np.radians(event.side_deg), event.drop
+    ways = {"landslide": [np.sin(side), np.cos(side), -drop], "settlement": [0.0, 0.0, -1.0], "heave": [0.0, 0.0, 1.0]}
+    return Place(start, end, event.amplitude_m * _across(built, start, end, np.array(ways[event.kind])), event.plateau)
 
 
 def displacement(line: Line, built: Line) -> Floats:
@@ -226,9 +229,18 @@ def bump(u: Floats, plateau: float) -> Floats:
     return np.stack([value, slope * sign, second * sign**2])
 
 
-def _to_side(built: Line, start: float, end: float, side_deg: float, drop: float) -> Floats:
-    azimuth = built.at(0.5 * (start + end), AZIMUTH)[0, 0] + np.radians(side_deg)
-    vector = np.array([np.sin(azimuth), np.cos(azimuth), -drop])
+def _across(built: Line, start: float, end: float, way: Floats) -> Floats:
+    """Unit vector (east, north, up) of a way given as right, ahead, up, without its part along the pipe in the middle.
+
+    Steel does not stretch by the percents that ground along the pipe would ask for: the pipe follows across its axis only.
+    """
+    middle = 0.5 * (start + end)
+    azimuth, pitch = built.at(middle, AZIMUTH)[0, 0], built.at(middle, PITCH)[0, 0]
+    right = np.array([np.cos(azimuth), -np.sin(azimuth), 0.0])
+    ahead = np.array([np.sin(azimuth), np.cos(azimuth), 0.0])
+    vector = way[0] * right + way[1] * ahead + way[2] * np.array([0.0, 0.0, 1.0])
+    axis = np.cos(pitch) * ahead + np.sin(pitch) * np.array([0.0, 0.0, 1.0])
+    vector = vector - (vector @ axis) * axis
     return vector / np.linalg.norm(vector)
 
 

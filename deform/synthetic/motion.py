@@ -166,11 +166,11 @@ def _ride(table: Floats, tool: ToolOptions, rng: np.random.Generator) -> None:
 
 
 def _waves(table: Floats, column: int, s: Floats, sigma: float, lengths: tuple[float, float], rng: np.random.Generator) -> None:
-    """Add a sum of sinusoids with a standard deviation to a column, its derivative to the next one."""
-    terms = 8
-    for _ in range(terms):
-        k = 2 * np.pi / np.exp(rng.uniform(*np.log(lengths)))
-        amplitude, phase = sigma * np.sqrt(2.0 / terms), rng.uniform(0, 2 * np.pi)
+    """Add sinusoids of a standard deviation in all, the longer the larger, to a column, their derivative to the next one."""
+    wavelengths = np.exp(rng.uniform(np.log(lengths[0]), np.log(lengths[1]), 10))
+    amplitudes = sigma * np.sqrt(2.0 * wavelengths / wavelengths.sum())
+    for amplitude, wavelength, phase in zip(amplitudes, wavelengths, rng.uniform(0, 2 * np.pi, 10), strict=True):
+        k = 2 * np.pi / wavelength
         table[:, column] += amplitude * np.sin(k * s + phase)
         table[:, column + 1] += amplitude * k * np.cos(k * s + phase)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -98,10 +99,17 @@ def stream(seed: int, *names: object) -> np.random.Generator:
     return np.random.default_rng([seed, *(zlib.crc32(str(n).encode()) for n in names)])
 
 
-def lay(options: RouteOptions, seed: int = 1) -> Line:
-    """Return the line as it was built."""
+def lay(options: RouteOptions, seed: int = 1, calm: Sequence[tuple[float, float]] = ()) -> Line:
+    """Return the line as it was built.
+
+    Parameters
+    ----------
+    options : where it runs and of which pipe.
+    seed : same seed, same line.
+    calm : stretches (start, end; metre) in which the pipe is laid straight.
+    """
     joints = lay_joints(options, stream(seed, "joints"))
-    joints, turn, rise = _bend(joints, options, stream(seed, "bends"))
+    joints, turn, rise = _bend(joints, options, calm, stream(seed, "bends"))
     length = float(joints.start_m.iloc[-1] + joints.length_m.iloc[-1])
     chainage = np.append(np.arange(0.0, length - 0.5 * STEP, STEP), length)
     table = np.zeros((chainage.size, COLUMNS))
@@ -174,13 +182,16 @@ def _describe(length: Floats, kind: Floats, wall: Floats, rng: np.random.Generat
     )
 
 
-def _bend(joints: pd.DataFrame, options: RouteOptions, rng: np.random.Generator) -> tuple[pd.DataFrame, Floats, Floats]:
+def _bend(
+    joints: pd.DataFrame, options: RouteOptions, calm: Sequence[tuple[float, float]], rng: np.random.Generator
+) -> tuple[pd.DataFrame, Floats, Floats]:
     """Choose for each joint the turn to the right and upward (radian) that keeps the line on its plan."""
     start, length = joints.start_m.to_numpy(), joints.length_m.to_numpy()
     kind = joints.kind.to_numpy().copy()
     n = len(joints)
     plan_azimuth, plan_pitch = _plan(start + length, options, rng)
-    induction = _induction(start, length, kind, options)
+    straight = np.any([(start + length > low) & (start < high) for low, high in calm], axis=0) if calm else np.zeros(n, bool)
+    induction = _induction(start, length, np.where(straight, "calm", kind), options)
     turn, rise = np.zeros(n), np.zeros(n)
     azimuth, pitch, shift = plan_azimuth[0], 0.0, 0.0
     elastic = 2.0 * ELASTIC_STRAIN / options.outside_diameter_m
@@ -189,7 +200,7 @@ def _bend(joints: pd.DataFrame, options: RouteOptions, rng: np.random.Generator)
         if i in induction:
             turn[i], kind[i] = np.radians(induction[i]), "induction"
             shift += turn[i]
-        elif kind[i] == "straight":
+        elif kind[i] == "straight" and not straight[i]:
             want = plan_azimuth[i] + shift - azimuth, plan_pitch[i] - pitch
             if field[i]:
                 want = want[0] + np.radians(rng.uniform(-5, 5)), want[1] + np.radians(rng.uniform(-4, 4))

@@ -62,13 +62,18 @@ def simulate(options: SimulateOptions, folder: Path, progress: Callable[[float],
         When an event or a dent does not fit the line or the runs, or the IMU is of no known grade.
     """
     folder = Path(folder)
-    built = lay(options.route, options.seed)
+    built = built_line(options)
     parts = _Parts(progress, len(options.runs))
     for index, run in enumerate(options.runs):
         passage = passage_of(options, built, index)
         _write_run(passage, options, folder / run.id, folder / "truth" / run.id, parts)
         _log.info("simulated %s: %.1f m in %.0f s", run.id, passage.line.length, passage.motion.duration)
     return [run.id for run in options.runs]
+
+
+def built_line(options: SimulateOptions) -> Line:
+    """Return the line of a simulation as it was built."""
+    return lay(options.route, options.seed, epochs.calm_spans(options))
 
 
 def passage_of(options: SimulateOptions, built: Line, index: int) -> Passage:
@@ -83,7 +88,7 @@ def passage_of(options: SimulateOptions, built: Line, index: int) -> Passage:
 
 def ride(options: SimulateOptions, index: int = 0) -> Passage:
     """Return one run without writing it: for `imu.increments`, `imu.counts` and `truth.trajectory` in tests of navigation."""
-    return passage_of(options, lay(options.route, options.seed), index)
+    return passage_of(options, built_line(options), index)
 
 
 def _write_run(passage: Passage, options: SimulateOptions, folder: Path, truth_folder: Path, parts: _Parts) -> None:
