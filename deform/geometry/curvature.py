@@ -72,10 +72,21 @@ def regular_step(chainage: Floats) -> float:
     if chainage.ndim != 1 or chainage.size < 2:
         raise InputError(f"chainage of shape {chainage.shape}: wanted two places at least")
     step = float(chainage[-1] - chainage[0]) / (chainage.size - 1)
-    worst = float(np.abs(np.diff(chainage) - step).max())
+    worst = float(_worst_step(np.ascontiguousarray(chainage, float), step))
     if not (step > 0 and worst < 1e-3 * step):
         raise InputError(f"chainage: must rise in equal steps; the mean step is {step:.6g} m, the worst departs by {worst:.3g} m")
     return step
+
+
+@njit(cache=True, error_model="numpy")
+def _worst_step(chainage, step):
+    """Largest departure of a step from the mean one; infinite where a place is not finite."""
+    worst = 0.0
+    for i in range(1, chainage.shape[0]):
+        apart = abs(chainage[i] - chainage[i - 1] - step)
+        if not apart <= worst:
+            worst = apart if np.isfinite(apart) else np.inf
+    return worst
 
 
 @njit(cache=True, error_model="numpy")
