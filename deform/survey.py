@@ -181,9 +181,11 @@ def compare_runs(survey: Survey, ledger: Ledger, paths: list[Path], key: str) ->
 
 def match(runs: list[xr.DataTree], options: _options.Options, *, reference=None, locks=None, folder: Path) -> Any:
     """Match the welds of the runs and write ``tables/welds.csv`` and ``tables/joints.csv``."""
+    from deform.correlate.evidence import read_locks
     from deform.correlate.weld_matching import match_runs
 
-    matching = match_runs(runs, options.match, reference=reference, locks=locks)
+    held = read_locks(locks) if locks is not None else None
+    matching = match_runs(runs, options.match, reference=reference, locks=held)
     store.write_table(matching.welds, folder / "tables" / "welds.csv", "welds")
     store.write_table(matching.joints, folder / "tables" / "joints.csv", "joints")
     return matching
