@@ -69,7 +69,7 @@ def increments(gyro, accel, gyro_pulse, accel_pulse, K, i, dt):
 def two_sample(g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2):
     """Rotation vector and velocity increment (axes of the sample's beginning) from this sample and the one before it.
 
-    Coning: g + (1/12) p × g. Rotation and sculling: a + (1/2) g × a + (1/12)(p × a + b × g).
+    Coning: g + (1/12) p × g. Rotation and sculling: a + (1/2) g × a + (1/6) g × (g × a) + (1/12)(p × a + b × g).
     """
     r0 = g0 + (p1 * g2 - p2 * g1) / 12.0
     r1 = g1 + (p2 * g0 - p0 * g2) / 12.0
@@ -78,7 +78,8 @@ def two_sample(g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2):
     d0 = a0 + h1 * a2 - h2 * a1 + (b1 * g2 - b2 * g1) / 12.0
     d1 = a1 + h2 * a0 - h0 * a2 + (b2 * g0 - b0 * g2) / 12.0
     d2 = a2 + h0 * a1 - h1 * a0 + (b0 * g1 - b1 * g0) / 12.0
-    return r0, r1, r2, d0, d1, d2
+    ga, gg = (g0 * a0 + g1 * a1 + g2 * a2) / 6.0, (g0 * g0 + g1 * g1 + g2 * g2) / 6.0
+    return r0, r1, r2, d0 + g0 * ga - a0 * gg, d1 + g1 * ga - a1 * gg, d2 + g2 * ga - a2 * gg
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
@@ -170,21 +171,27 @@ def advance(row, place, v, C, place_after, v_after, C_after):
     f0, f1, f2 = rotate(C, row[VELOCITY], row[VELOCITY + 1], row[VELOCITY + 2])
     x0, x1, x2 = rotate(C, row[POSITION], row[POSITION + 1], row[POSITION + 2])
     g = gravity(place[0], place[2])
-    # middle of the epoch for rates, gravity and Coriolis
-    me, mn, mu = ve + 0.5 * f0, vn + 0.5 * f1, vu + 0.5 * (f2 - g * T)
+    # middle of the epoch for rates, gravity and Coriolis; the velocity there already in the frame that turned with the earth
     middle_latitude = place[0] + 0.5 * T * vn / 6.37e6
+    h0, h1, h2 = f0 - x0 / T, f1 - x1 / T, f2 - x2 / T
+    y1, y2 = row[SENSE] * EARTH_RATE * T * math.cos(middle_latitude), row[SENSE] * EARTH_RATE * T * math.sin(middle_latitude)
+    me, mn = ve + 0.5 * (f0 - (y1 * h2 - y2 * h1)), vn + 0.5 * (f1 - y2 * h0)
+    mu = vu + 0.5 * (f2 + y1 * h0 - g * T)
     north, up, t0, t1, t2, meridian, normal = navigation_rates(middle_latitude, place[2] + 0.5 * T * vu, me, mn, row[SENSE])
     g = gravity(middle_latitude, place[2] + 0.5 * T * vu)
     z0, z1, z2 = t0 * T, (t1 + north) * T, (t2 + up) * T
     c0, c1, c2 = t0, t1 + 2.0 * north, t2 + 2.0 * up
     k0, k1, k2 = c1 * mu - c2 * mn, c2 * me - c0 * mu, c0 * mn - c1 * me
-    h0, h1, h2 = f0 - x0 / T, f1 - x1 / T, f2 - x2 / T
+    # second order of the frame's turn, of a steady force: 1/6 z × (z × f), 1/12 z × (z × x)
+    zf, zx, zz = z0 * f0 + z1 * f1 + z2 * f2, z0 * x0 + z1 * x1 + z2 * x2, z0 * z0 + z1 * z1 + z2 * z2
     d0 = f0 - (z1 * h2 - z2 * h1) - k0 * T
     d1 = f1 - (z2 * h0 - z0 * h2) - k1 * T
     d2 = f2 - (z0 * h1 - z1 * h0) - k2 * T - g * T
     s0 = ve * T + x0 - (z1 * x2 - z2 * x1) / 3.0 - 0.5 * k0 * T * T
     s1 = vn * T + x1 - (z2 * x0 - z0 * x2) / 3.0 - 0.5 * k1 * T * T
     s2 = vu * T + x2 - (z0 * x1 - z1 * x0) / 3.0 - 0.5 * k2 * T * T - 0.5 * g * T * T
+    d0, d1, d2 = d0 + (z0 * zf - f0 * zz) / 6.0, d1 + (z1 * zf - f1 * zz) / 6.0, d2 + (z2 * zf - f2 * zz) / 6.0
+    s0, s1, s2 = s0 + (z0 * zx - x0 * zz) / 12.0, s1 + (z1 * zx - x1 * zz) / 12.0, s2 + (z2 * zx - x2 * zz) / 12.0
     v_after[0], v_after[1], v_after[2] = ve + d0, vn + d1, vu + d2
     place_after[0] = place[0] + s1 / meridian
     place_after[1] = place[1] + s0 / (normal * math.cos(0.5 * (place[0] + place_after[0])))

@@ -158,6 +158,9 @@ def odometer_step(row, x, axes, speed_change, tilt, D):
     b1 = k * (row[ATTITUDE_TRAVEL + 3] * x[MOUNTING] + row[ATTITUDE_TRAVEL + 4] + row[ATTITUDE_TRAVEL + 5] * x[MOUNTING + 1])
     b2 = k * (row[ATTITUDE_TRAVEL + 6] * x[MOUNTING] + row[ATTITUDE_TRAVEL + 7] + row[ATTITUDE_TRAVEL + 8] * x[MOUNTING + 1])
     d0, d1, d2 = rotate(C, b0, b1, b2)
+    y = 0.5 * row[SENSE] * EARTH_RATE * row[DURATION]  # the level frame turns with the earth under the frozen one
+    y1, y2 = y * math.cos(x[0]), y * math.sin(x[0])
+    d0, d1, d2 = d0 - (y1 * d2 - y2 * d1), d1 - y2 * d0, d2 + y1 * d0
     late = x[DELAY] * speed_change
     aside = (x[WOBBLE] + x[TILT] * tilt[0]) * row[TRAVEL]
     rise = (x[SAG] + x[WOBBLE + 1] + x[TILT + 1] * tilt[1]) * row[TRAVEL]

@@ -26,11 +26,14 @@ def reckon(table, place, C, mounting, scale, places, attitudes, steps):
             b1 += row[ATTITUDE_TRAVEL + 3 + j] * mounting[j]
             b2 += row[ATTITUDE_TRAVEL + 6 + j] * mounting[j]
         s0, s1, s2 = rotate(C0, scale * b0, scale * b1, scale * b2)
+        T = row[DURATION]
+        north, up, t0, t1, t2, _, _ = navigation_rates(places[k, 0], places[k, 2], s0 / T, s1 / T, row[SENSE])
+        z0, z1, z2 = 0.5 * T * t0, 0.5 * T * (t1 + north), 0.5 * T * (t2 + up)  # the level frame turns under the frozen one
+        s0, s1, s2 = s0 - (z1 * s2 - z2 * s1), s1 - (z2 * s0 - z0 * s2), s2 - (z0 * s1 - z1 * s0)
         steps[k, 0], steps[k, 1], steps[k, 2] = s0, s1, s2
         for j in range(3):
             places[k + 1, j] = places[k, j]
         shift_place(places[k + 1], s0, s1, s2)
-        T = row[DURATION]
         north, up, t0, t1, t2, _, _ = navigation_rates(
             0.5 * (places[k, 0] + places[k + 1, 0]), places[k, 2], s0 / T, s1 / T, row[SENSE]
         )

@@ -93,7 +93,7 @@ def preintegrate(counts: Counts, distance: Floats, bounds: NDArray[np.int64]) ->
     Notes
     -----
     Counts are integrals in rotating axes. With g, a the angular and velocity increments of a sample and p, b those of the one
-    before: rotation vector g + (1/12) p × g (coning), velocity a + ½ g × a + (1/12)(p × a + b × g) (rotation, sculling).
+    before: rotation vector g + (1/12) p × g (coning), velocity a + ½ g × a + (1/6) g × (g × a) + (1/12)(p × a + b × g) (rotation, sculling).
     The integrals are in the axes of the epoch's beginning, frozen in inertial space: nothing of the navigation state is in them,
     so that filter, smoother and reverse pass run over epochs alone.
 
