@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from deform.change.dent_change import compare_dents
-from deform.change.detection_limit import limit_rows
+from deform.change.detection_limit import joint_rows, limit_rows
 from deform.change.joint_change import elongation, noise_of_joints, with_axial_strain
 from deform.change.pair import PairChange, PairSearch
 from deform.change.stack import POSITION, Layer, layer, reference_axis, run_day, run_id, tangents
@@ -105,9 +105,9 @@ def compare(
     joints = with_axial_strain(matching.joints, reference, names, options.k_sigma)
     zones = zone_table(pairs, axis, matching.edits, joints, diameter, options)
     dents = compare_dents(runs, matching, options, joints)
-    limits = build.table(
-        "limits", pd.DataFrame([r for p in pairs for r in limit_rows(p, diameter, noise_of_joints(joints, p.run))])
-    )
+    rows = [row for pair in pairs for row in limit_rows(pair, diameter)]
+    rows += [row for name in names for row in joint_rows(reference, name, noise_of_joints(joints, name))]
+    limits = build.table("limits", pd.DataFrame(rows))
     tick(1.0)
     for remark in remarks:
         log.warning("%s", remark)
@@ -249,7 +249,9 @@ class _Values:
                 if not name.startswith("run_chainage"):
                     array[self.zero] = 0.0
         dates = [str(run.attrs.get("date", "")) for run in runs]
-        values = {"epoch": names, "date": dates, "chainage": axis, **self.arrays, "stable": self.stable}
+        values = {"epoch": names, "date": dates, "chainage": axis, **self.arrays}
+        if any(name.startswith(("displacement", "curvature")) for name in self.arrays):
+            values["stable"] = self.stable
         ds = build.dataset("comparison", values, reference=reference, dates=", ".join(dates))
         for variable in ds.data_vars:
             if str(variable).startswith(("curvature_change", "bending_strain_change")):

@@ -20,6 +20,7 @@ Floats = NDArray[Any]
 _SIZES = ("depth", "length", "width")
 _VENDOR_SIGMA_OD = 0.005  # of the outside diameter, where a listing states no sigma of its depths
 _TOOL_SIGMA_M = 0.0005  # where a measured dent states none
+_LEAST_READ_M = 0.001  # a wall map shows a dent that was not listed from this depth on
 _NEAR_SIGMA = (0.05, 8.0)  # m and degree: how near the same dent lies in two runs
 
 
@@ -31,6 +32,7 @@ class Track:
     clock: float
     born: int
     rows: dict[int, dict] = field(default_factory=dict)
+    could_be_seen: bool = False
 
     def last(self, before: int) -> dict | None:
         """The last row with a measured depth before a run."""
@@ -73,8 +75,25 @@ def compare_dents(runs: list[xr.DataTree], matching: Any, options: ChangeOptions
                 absent = _absent(run, chain_map, track)
                 if absent is not None:
                     track.rows[k] = absent
-    copied = _copied_pairs(runs, tracks)
-    return _table(runs, tracks, copied, options, joints)
+    _look_back(runs, matching, tracks)
+    return _table(runs, tracks, _copied_pairs(runs, tracks), options, joints)
+
+
+def _look_back(runs: list[xr.DataTree], matching: Any, tracks: list[Track]) -> None:
+    """Mark which tracks an earlier run could have shown, and read their depth from the wall map of the run before."""
+    for track in tracks:
+        if track.rows[track.born]["replaced"]:
+            continue
+        for k in range(track.born - 1, -1, -1):
+            chain_map = matching.maps[run_id(runs[k])]
+            place = float(chain_map.to_run(track.place))
+            if not _reaches(runs[k], place) or not _held(chain_map, track.place):
+                continue
+            track.could_be_seen |= "dents" in runs[k].children
+            depth, sigma = depth_at(runs[k], place, track.clock)
+            if np.isfinite(depth) and depth > max(3.0 * sigma, _LEAST_READ_M):
+                track.rows[k] = _unlisted(runs[k], track, place) | {"depth_m": depth, "depth_sigma_m": sigma}
+                break
 
 
 def _listed(run: xr.DataTree, chain_map: Any) -> list[dict]:
@@ -146,8 +165,7 @@ def _pairs(tracks: list[Track], listed: list[dict], options: ChangeOptions, chai
 
 def _absent(run: xr.DataTree, chain_map: Any, track: Track) -> dict | None:
     """What a run that does not list a dent tells of it; None when the run does not reach the place."""
-    row = {"run": run_id(run), "reference_chainage_m": track.place, "clock_deg": track.clock, "listed": False, "replaced": False}
-    row |= dict.fromkeys(("depth_m", "depth_sigma_m", "length_m", "width_m", "strain_max", "run_chainage_m"), np.nan)
+    row = _unlisted(run, track, np.nan)
     if not _held(chain_map, track.place):
         return row | {"gone": True} if not any(r.get("gone") for r in track.rows.values()) else None
     if any(r.get("gone") for r in track.rows.values()):
@@ -155,9 +173,15 @@ def _absent(run: xr.DataTree, chain_map: Any, track: Track) -> dict | None:
     place = float(chain_map.to_run(track.place))
     if not _reaches(run, place):
         return None
-    row["run_chainage_m"] = place
     depth, sigma = depth_at(run, place, track.clock)
-    return row | {"depth_m": depth, "depth_sigma_m": sigma}
+    return row | {"run_chainage_m": place, "depth_m": depth, "depth_sigma_m": sigma}
+
+
+def _unlisted(run: xr.DataTree, track: Track, place: float) -> dict:
+    """An empty row of a dent in a run that does not list it."""
+    row = {"run": run_id(run), "reference_chainage_m": track.place, "clock_deg": track.clock, "run_chainage_m": place}
+    row |= dict.fromkeys(("depth_m", "depth_sigma_m", "length_m", "width_m", "strain_max"), np.nan)
+    return row | {"listed": False, "replaced": False}
 
 
 def _reaches(run: xr.DataTree, place: float) -> bool:
@@ -237,11 +261,11 @@ def _status(track: Track, t: int, k: int, names: list[str], copied: set, options
         known = "listed without a depth" if row["listed"] else "not listed, and the run has no wall map here"
         return {"status": "unmeasured", "reason": known}
     if before is None:
-        if k == 0 or k == min(track.rows) == 0:
-            return {"status": "stable", "reason": "first run; nothing to compare with"}
-        if track.born == k:
-            return {"status": "new", "reason": "on new pipe" if row["replaced"] else "no earlier run shows it"}
-        return {"status": "stable", "reason": "first run that measured it"}
+        if row["replaced"] and track.born == k:
+            return {"status": "new", "reason": "on new pipe"}
+        if track.born == k and track.could_be_seen:
+            return {"status": "new", "reason": "no earlier run shows it"}
+        return {"status": "stable", "reason": "first run that measured it; nothing earlier to compare with"}
     change = float(row["depth_m"] - before["depth_m"])
     sigma = float(np.hypot(row["depth_sigma_m"], before["depth_sigma_m"]))
     found = {"depth_change_m": change, "depth_change_sigma_m": sigma}

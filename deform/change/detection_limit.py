@@ -61,7 +61,7 @@ def _non_centrality(limit: float, probability: float) -> float:
     return float(brentq(lambda n: ncx2.sf(limit, 2, n) - probability, 1e-9, 4.0 * limit + 100.0))
 
 
-def limit_rows(pair: PairChange, outside_diameter: float, joint_noise: float) -> list[dict]:
+def limit_rows(pair: PairChange, outside_diameter: float) -> list[dict]:
     """Return the rows of tables/limits.csv of one pair of runs: its noise floors, then its detection limit at each wavelength."""
     names = {"run_from": pair.reference, "run_to": pair.run}
     rows = []
@@ -70,14 +70,18 @@ def limit_rows(pair: PairChange, outside_diameter: float, joint_noise: float) ->
         for number, floor in sorted(floors.items()):
             row = {"quantity": kind, "component": component, "speed_class": class_name(number), "noise_sigma": floor}
             rows.append(names | row)
-    if np.isfinite(joint_noise):
-        rows.append(
-            names | {"quantity": "joint length", "component": "axial", "speed_class": class_name(-1), "noise_sigma": joint_noise}
-        )
     for wave in pair.waves:
         for m, component in enumerate(("lateral", "up")):
             rows.append(names | _wave_row(wave, m, component, pair.limit, outside_diameter))
     return rows
+
+
+def joint_rows(reference: str, run: str, noise: float) -> list[dict]:
+    """Return the row of the noise floor of joint lengths of a run since the reference run; none where it is not known."""
+    if run == reference or not np.isfinite(noise):
+        return []
+    row = {"run_from": reference, "run_to": run, "quantity": "joint length", "component": "axial"}
+    return [row | {"speed_class": class_name(-1), "noise_sigma": noise}]
 
 
 def _wave_row(wave, m: int, component: str, limit: float, outside_diameter: float) -> dict:
