@@ -69,8 +69,9 @@ class Content:
 
     @property
     def outside_diameter(self) -> float:
-        """Outside diameter (m) of the reference run, NaN when not stated."""
-        return float(self.run(self.reference).attrs.get("outside_diameter_m", np.nan))
+        """Outside diameter (m) of the reference run, else of the first run that states it, else NaN."""
+        stated = [float(run.attrs.get("outside_diameter_m", np.nan)) for run in [self.run(self.reference), *self.runs]]
+        return next((diameter for diameter in stated if np.isfinite(diameter)), np.nan)
 
     @property
     def compares_movement(self) -> bool:

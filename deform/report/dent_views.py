@@ -19,7 +19,10 @@ _UNMEASURED = ("removed", "unmeasured", "copied")
 
 
 def dent_views(content: Content, dents: list[dict]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Return the cards (dent, its picture as SVG or None) and the 3-D surfaces by dent for the page's script."""
+    """Return the cards (dent, its picture as SVG or None) and the 3-D surfaces by dent for the page's script.
+
+    A dent of one run without a wall map has no card: the table says all that is known of it.
+    """
     cards, surfaces = [], {}
     for dent in dents:
         window = dent_dataset(content, dent)
@@ -27,7 +30,8 @@ def dent_views(content: Content, dents: list[dict]) -> tuple[list[dict[str, Any]
         if window is not None:
             picture = themed_svg(figures.dent_card(window))
             surfaces[dent["id"]] = _surface(window)
-        cards.append({"dent": dent, "picture": picture})
+        if picture is not None or len(dent["epochs"]) > 1:
+            cards.append({"dent": dent, "picture": picture})
     return cards, surfaces
 
 

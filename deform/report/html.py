@@ -25,7 +25,7 @@ def write(content: Content, options: ReportOptions) -> Path:
         "index.html",
         **numbers,
         cards=cards,
-        more_dents=max(len(numbers["dents"]) - len(cards), 0),
+        more_dents=max(len(numbers["dents"]) - options.most_dent_cards, 0),
         quality=quality(content),
         data=script_json(data | {"surfaces": surfaces, "features": numbers["features"]["rows"]}),
         plotly=plotly_script(),

@@ -65,12 +65,13 @@ def pdf_context(content: Content, options: ReportOptions) -> dict[str, Any]:
     cards = []
     for dent in numbers["dents"][: options.most_dent_cards]:
         window = dent_dataset(content, dent)
-        cards.append({"dent": dent, "picture": None if window is None else picture(figures.dent_card(window))})
+        if window is not None or len(dent["epochs"]) > 1:
+            cards.append({"dent": dent, "picture": None if window is None else picture(figures.dent_card(window))})
     welds = weld_table(content)
     odd = [row for row in welds["rows"] if any(word not in ("matched", "shifted") for word in row[3:-2:2])]
     return numbers | {
         "cards": cards,
-        "more_dents": max(len(numbers["dents"]) - len(cards), 0),
+        "more_dents": max(len(numbers["dents"]) - options.most_dent_cards, 0),
         "quality": quality(content),
         "overview": [] if ds is None else _overview(ds, numbers["zones"], content),
         "zone_pictures": [] if ds is None else _zone_pictures(ds, moved[: options.most_zone_details]),

@@ -1,7 +1,11 @@
 "use strict";
 /* Packed curves in, the points of a view out: every pixel column keeps its least and its greatest value. */
 const Curves = (() => {
-  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+  function bytes(text) {
+    const letters = atob(text), array = new Uint8Array(letters.length);
+    for (let i = 0; i < letters.length; i++) array[i] = letters.charCodeAt(i);
+    return array.buffer;
+  }
 
   function unpack(packed) {
     const steps = new Int16Array(bytes(packed.y));

@@ -111,7 +111,7 @@
       dots(data.dents.map((d) => ({ x: d.x, text: `${d.id} ${d.status}` })), { marker: { symbol: "circle-open", size: 8, color: css("--medium"), line: { width: 2 } } }),
       dots(data.zones.map((z) => ({ x: (z.start + z.end) / 2, text: z.id })), { mode: "text", textposition: "top right", textfont: { color: css("--ink"), size: 12 } }),
     ];
-    const axis = { gridcolor: css("--grid"), zeroline: false, separatethousands: true };
+    const axis = { gridcolor: css("--grid"), zeroline: false, separatethousands: true, exponentformat: "none" };
     const spread = (v) => Math.max(...v) - Math.min(...v), width = map.clientWidth;
     const height = Math.round(Math.min(Math.max((width * spread(m.across)) / Math.max(spread(m.along), 1), 110), narrow() ? 260 : 380) + 70);
     const angle = ((-m.turn) * Math.PI) / 180, arrow = 26;
@@ -238,6 +238,10 @@
   const set = (theme) => { root.dataset.theme = theme; };
   set(window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
   document.getElementById("theme").addEventListener("click", () => { set(root.dataset.theme === "dark" ? "light" : "dark"); draw(); });
+
+  let before = "";
+  window.addEventListener("beforeprint", () => { before = root.dataset.theme; if (before === "dark") { set("light"); draw(); } });
+  window.addEventListener("afterprint", () => { if (before === "dark") { set("dark"); draw(); } });
 
   /* ---- tables ---- */
   document.querySelectorAll("table.sortable").forEach(Tables.fromPage);

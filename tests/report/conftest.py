@@ -15,7 +15,7 @@ from tests.report.fabricate import write_folder
 @pytest.fixture(scope="session")
 def surveyed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An output folder of three epochs over 4 km, with its page; a spike of 0.4 m is planted at 1234.5 m."""
-    folder = write_folder(tmp_path_factory.mktemp("surveyed"), spike=0.4)
+    folder = write_folder(tmp_path_factory.mktemp("surveyed"), spike=0.4, step_m=0.2)
     write_report(folder)
     return folder
 

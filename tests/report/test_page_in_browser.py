@@ -56,7 +56,7 @@ def test_a_drag_on_one_panel_zooms_all_panels_to_the_same_chainage(page: Browser
 
 def test_a_spike_of_one_sample_is_visible_at_full_extent_and_after_zooming(page: Browser) -> None:
     lateral = "document.getElementById('strips').data.filter(t => t.yaxis === 'y5' && t.name === 'demo-2023')[0]"
-    near = f"(t => Math.max(...t.y.filter((v, i) => Math.abs(t.x[i] - 1234.5) < 0.06)))({lateral})"
+    near = f"(t => Math.max(...t.y.filter((v, i) => Math.abs(t.x[i] - 1234.5) < 0.15)))({lateral})"
     assert page.run(near) == pytest.approx(0.4, abs=0.07)
     page.run("document.querySelector('[data-view=in]').click()")
     assert page.run(near) == pytest.approx(0.4, abs=0.07)
@@ -94,6 +94,15 @@ def test_keys_move_and_zoom_the_panels(page: Browser) -> None:
     assert _until(page, f"window.deformView[0] > {before} + 100")
     page.key("Home")
     assert _until(page, "window.deformView[1] - window.deformView[0] > 3900")
+
+
+def test_a_page_in_the_dark_is_printed_in_the_light(page: Browser) -> None:
+    page.run("document.documentElement.dataset.theme !== 'dark' && document.getElementById('theme').click()")
+    page.run("window.dispatchEvent(new Event('beforeprint'))")
+    assert page.run("document.documentElement.dataset.theme") == "light"
+    page.run("window.dispatchEvent(new Event('afterprint'))")
+    assert page.run("document.documentElement.dataset.theme") == "dark"
+    page.run("document.getElementById('theme').click()")
 
 
 def test_labels_with_html_are_shown_as_they_are(page: Browser) -> None:

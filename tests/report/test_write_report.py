@@ -205,6 +205,25 @@ def test_a_folder_without_runs_or_rights_is_refused_with_its_name(tmp_path: Path
         write_report(tmp_path)
 
 
+def test_one_run_is_described_as_it_is_and_no_change_is_claimed(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path, runs=("only",), length_m=800.0, step_m=0.5)
+    said = " ".join(build_context(read_content(folder), ReportOptions())["verdict"])
+    assert "Change needs a second run" in said
+    assert "Largest bending strain" in said
+    assert "grown" not in said
+    text = write_report(folder)["html"].read_text(encoding="utf-8")
+    assert "One run: no change can be formed." in text
+
+
+def test_a_comparison_without_movement_is_not_called_stable(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path, length_m=500.0, step_m=1.0, zones=False)
+    ds = store.read_dataset(folder / "comparison.nc")
+    store.write_dataset(ds[["run_chainage"]], folder / "comparison.nc", "comparison")
+    said = " ".join(build_context(read_content(folder), ReportOptions())["verdict"])
+    assert "movement cannot be judged" in said
+    assert "No zone" not in said
+
+
 def test_progress_rises_to_one(small: Path) -> None:
     seen: list[float] = []
     write_report(small, ("xlsx",), progress=seen.append)
