@@ -59,6 +59,9 @@ class StrainOptions:
     """From attitude to curvature and bending strain."""
 
     gauge_length_m: Positive = 2.0
+    long_gauge_length_m: Positive = 12.0  # a second, smoother view of about one joint
+    bend_strain: Positive = 0.005  # bending strain over the gauge from which a stretch is listed as a bend (100 OD of radius)
+    dogleg_sigmas: Positive = 4.0  # a weld's deflection is listed when it exceeds this many standard deviations
 
 
 @dataclass(frozen=True, config=_STRICT)
