@@ -36,9 +36,8 @@ def main(samples: int = 5_000_000) -> None:
     pitch = 5.0 * np.sin(chainage / 300.0)
     curvature(chainage[:1000], azimuth[:1000], pitch[:1000], GAUGE_M)
     ours, theirs = best_of(lambda: curvature(chainage, azimuth, pitch, GAUGE_M)), best_of(lambda: with_savgol(azimuth, pitch), 1)
-    print(
-        f"one pass {samples / ours / 1e6:.1f} M samples/s, numpy + savgol {samples / theirs / 1e6:.2f} M: {theirs / ours:.0f} times as fast"
-    )
+    rates = samples / ours / 1e6, samples / theirs / 1e6
+    print(f"one pass {rates[0]:.1f} M samples/s, numpy + savgol {rates[1]:.2f} M: {theirs / ours:.0f} times as fast")
     circle = 90.0 + np.degrees(chainage[:1000] / 500.0)
     apart = curvature(chainage[:1000], circle, np.zeros(1000), GAUGE_M)[0] - with_savgol(circle, np.zeros(1000))[0]
     print(f"on a circle of 500 m they differ by {np.nanmax(np.abs(apart[20:-20])):.1e} per metre")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from deform.geometry.curvature import curvature
 from deform.geometry.resample import MAD_TO_SIGMA
@@ -30,7 +30,8 @@ def add_bending(centreline: xr.Dataset, *, outside_diameter: float, options: Str
     Returns
     -------
     The centreline with ``curvature_horizontal`` (positive to the right), ``curvature_vertical`` (positive sag), with attribute
-    ``gauge_length_m``, ``bending_strain_*`` = curvature × OD / 2, their root sum of squares, and the clock of the tension side.
+    ``gauge_length_m``, ``bending_strain_*`` = curvature × OD / 2, their root sum of squares, and the clock of the tension side;
+    ``bending_strain_long_*`` over the long gauge beside them.
 
     References
     ----------
@@ -43,27 +44,62 @@ def add_bending(centreline: xr.Dataset, *, outside_diameter: float, options: Str
     horizontal, vertical = curvature(
         centreline["chainage"].values, centreline["azimuth"].values, centreline["pitch"].values, gauge
     )
-    step = float(np.diff(centreline["chainage"].values[:2])[0])
-    window, lag = max(round(_SIGMA_WINDOW_M / step), 10), max(round(4.0 * gauge / step), 1)
-    sigmas = [
-        _stated(centreline[name], gauge, k) if "turn_sigma_deg" in centreline[name].attrs else noise_sigma(k, window, lag)
-        for name, k in (("azimuth", horizontal), ("pitch", vertical))
-    ]
+    sigmas = [_sigma(centreline[name], gauge, k) for name, k in (("azimuth", horizontal), ("pitch", vertical))]
     values = _variables(horizontal, vertical, sigmas[0], sigmas[1], 0.5 * outside_diameter)
     out = build.add(centreline, "centreline", values)
+    for name in values:
+        out[name].attrs["gauge_length_m"] = gauge
+    return _add_long(out, options.long_gauge_length_m, 0.5 * outside_diameter)
+
+
+def _add_long(line: xr.Dataset, gauge: float, reach: float) -> xr.Dataset:
+    """Add the bending strains over the long gauge."""
+    s = line["chainage"].values
+    if gauge >= s[-1] - s[0]:
+        return line
+    both = curvature(s, line["azimuth"].values, line["pitch"].values, gauge)
+    values = {}
+    for name, source, k in zip(("horizontal", "vertical"), ("azimuth", "pitch"), both, strict=True):
+        values[f"bending_strain_long_{name}"] = reach * k
+        values[f"bending_strain_long_{name}_sigma"] = reach * _sigma(line[source], gauge, k)
+    out = build.add(line, "centreline", values)
     for name in values:
         out[name].attrs["gauge_length_m"] = gauge
     return out
 
 
-def _stated(direction: xr.DataArray, gauge: float, values: Floats) -> Floats:
-    """Sigma of curvature from what navigation says about turns over the gauge."""
-    lag, sigma = (np.asarray(direction.attrs[name], float) for name in ("turn_lag_m", "turn_sigma_deg"))
-    turn = np.exp(np.interp(np.log(gauge), np.log(lag), np.log(np.maximum(sigma, 1e-12))))
-    return np.full(values.shape, np.radians(turn) / gauge)
+def _sigma(direction: xr.DataArray, gauge: float, values: Floats) -> Floats:
+    """Sigma of curvature from what navigation says about turns over the gauge, else from the curvature's own unrest."""
+    if "turn_sigma_deg" in direction.attrs:
+        return np.full(values.shape, np.radians(stated_turn_sigma(direction, gauge)) / gauge)
+    step = float(np.diff(direction["chainage"].values[:2])[0])
+    return noise_sigma(values, max(round(_SIGMA_WINDOW_M / step), 10), max(round(4.0 * gauge / step), 1))
 
 
-def tension_clock(horizontal: Floats, vertical: Floats) -> Floats:
+def stated_turn_sigma(direction: xr.DataArray, lag: float) -> float:
+    """Return the sigma (degree) of a turn over a ``lag`` (metre) from the attributes of azimuth or pitch, NaN without them."""
+    if "turn_sigma_deg" not in direction.attrs:
+        return np.nan
+    lags, sigma = (np.asarray(direction.attrs[name], float) for name in ("turn_lag_m", "turn_sigma_deg"))
+    return float(np.exp(np.interp(np.log(lag), np.log(lags), np.log(np.maximum(sigma, 1e-12)))))
+
+
+def standardised_percent(curvature_per_m: Floats | float, outside_diameter: float) -> Floats:
+    """Return Porter's standardised curvature: pipe radius over bend radius, in percent; the bending strain in percent.
+
+    References
+    ----------
+    Porter (1990), eq. 3-91 and 3-92.
+
+    Examples
+    --------
+    >>> float(standardised_percent(1 / 100.0, 0.5))
+    0.25
+    """
+    return 100.0 * 0.5 * outside_diameter * np.asarray(curvature_per_m, float)
+
+
+def tension_clock(horizontal: ArrayLike, vertical: ArrayLike) -> Floats:
     """Return the clock of the tension side (degree, 0 = top, clockwise looking downstream) of two components of bending.
 
     Examples
