@@ -375,7 +375,8 @@ def interpolate(x, axis, values, period, out):
     i = 0
     for n in range(x.size):
         if not (axis[0] <= x[n] <= axis[-1]):
-            out[n, :] = np.nan
+            for k in range(values.shape[1]):
+                out[n, k] = np.nan
             continue
         i = find_interval(x[n], axis, i)
         part = (x[n] - axis[i]) / (axis[i + 1] - axis[i])
@@ -392,7 +393,8 @@ def interpolate(x, axis, values, period, out):
 @njit(cache=True, error_model="numpy")
 def cumulative(axis, values, out):
     """Fill out (m, k) with the integral of the broken line from the first point on; NaN stretches add nothing."""
-    out[0, :] = 0.0
+    for k in range(values.shape[1]):
+        out[0, k] = 0.0
     for i in range(1, axis.size):
         half = 0.5 * (axis[i] - axis[i - 1])
         for k in range(values.shape[1]):
@@ -416,7 +418,8 @@ def box_average(centre, length, axis, values, integral, gaps, out):
     for n in range(centre.size):
         begin, end = centre[n] - 0.5 * length, centre[n] + 0.5 * length
         if not (begin >= axis[0] - slack and end <= axis[-1] + slack):
-            out[n, :] = np.nan
+            for k in range(values.shape[1]):
+                out[n, k] = np.nan
             continue
         begin, end = max(begin, axis[0]), min(end, axis[-1])
         low, high = find_interval(begin, axis, low), find_interval(end, axis, high)
