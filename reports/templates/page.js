@@ -109,7 +109,7 @@
       ...data.zones.map((z) => line((i) => m.s[i] >= z.start && m.s[i] <= z.end, { line: { color: css(`--${z.severity}`), width: 8 }, opacity: 0.75, name: safe(z.id) })),
       dots(data.points.filter((p) => p.kind !== "bend").map((p) => ({ x: p.x, text: `${p.kind} ${p.name}` })), { mode: "markers", marker: { symbol: "triangle-up", size: 9, color: css("--accent") } }),
       dots(data.dents.map((d) => ({ x: d.x, text: `${d.id} ${d.status}` })), { marker: { symbol: "circle-open", size: 8, color: css("--medium"), line: { width: 2 } } }),
-      dots(data.zones.map((z) => ({ x: (z.start + z.end) / 2, text: z.id })), { mode: "text", textposition: "top right", textfont: { color: css("--ink"), size: 12 } }),
+      dots(data.zones.map((z) => ({ x: (z.start + z.end) / 2, text: narrow() ? "" : z.id })), { mode: "text", textposition: "top right", textfont: { color: css("--ink"), size: 12 } }),
     ];
     const axis = { gridcolor: css("--grid"), zeroline: false, separatethousands: true, exponentformat: "none" };
     const spread = (v) => Math.max(...v) - Math.min(...v), width = map.clientWidth;
@@ -137,7 +137,7 @@
     const shift = runs.map((_, i) => { const d = rows.map((r) => r[2 + 2 * i] - r[1]).filter(Number.isFinite).sort((a, b) => a - b); return d.length ? d[d.length >> 1] : 0; });
     const x = (r, i) => left + ((r[2 + 2 * i] - shift[i] - view[0]) / (view[1] - view[0])) * (width - left - 12);
     runs.forEach((run, i) => pen.fillText(run.length > 9 ? run.slice(-8) : run, 2, 14 + i * lane + 10));
-    if (rows.length > 400) { pen.fillStyle = css("--quiet"); pen.fillText(`${rows.length} welds in view: zoom in to see them`, left + 10, 14 + lane / 2); return; }
+    if (rows.length > Math.min(400, (width - left) / 2.5)) { pen.fillStyle = css("--quiet"); pen.fillText(`${rows.length} welds in view: zoom in to see them`, left + 10, 14 + lane / 2); return; }
     const tint = { matched: css("--ink"), shifted: css("--accent"), added: css("--low"), removed: css("--high"), false: css("--medium"), missed: css("--quiet") };
     rows.forEach((r) => runs.forEach((_, i) => {
       const status = r[3 + 2 * i]; if (!status || r[2 + 2 * i] === null) return;

@@ -63,6 +63,8 @@ const Tables = (() => {
   }
 
   function fromPage(table) {
+    const titles = [...table.tHead.rows[0].cells].map((cell) => cell.textContent);
+    [...table.tBodies[0].rows].forEach((row) => [...row.cells].forEach((cell, i) => { cell.dataset.label = titles[i]; }));
     const rows = [...table.tBodies[0].rows].map((row) => ({
       values: [...row.cells].map(value), text: row.textContent.toLowerCase(), element: () => row,
     }));
