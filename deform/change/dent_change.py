@@ -220,7 +220,8 @@ def _copied_pairs(runs: list[xr.DataTree], tracks: list[Track]) -> set[tuple[int
                     found.add((t, j, k))
                 elif len(equal) == 1:
                     compared.append((t, j, k))
-                    alone += [(t, j, k)] * equal[0]
+                    if equal[0]:
+                        alone.append((t, j, k))
                 break
         if len(alone) >= 3 and len(alone) > 0.5 * len(compared):
             found |= set(alone)
