@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 from deform.change.compare import compare
+from deform.change.neighbours import between
 from deform.change.trend import trends
 from deform.errors import InputError
 from deform.options import ChangeOptions
@@ -166,3 +167,17 @@ def test_demonstration_lines_movements_are_found_with_their_extent(demo):
     assert set(comparison.dents.groupby("run").size()) == {4, 5}
     last = comparison.dents[comparison.dents.run == "demo-2023"]
     assert sorted(last.status) == ["grown", "new", "stable", "stable", "stable"]
+
+
+def test_change_between_neighbours_is_free_of_the_reference_runs_noise(slide):
+    ds = slide[3].dataset
+    step = between(ds, "r2021", "r2023")
+    at = int(np.searchsorted(ds.chainage.values, 1700.0))
+    assert step["displacement_lateral"].values[at] == pytest.approx(0.4, abs=0.08)
+    still = step["stable"].values
+    z = (step["bending_strain_change_vertical"] / step["bending_strain_change_vertical_sigma"]).values[still]
+    assert 0.9 <= np.mean(np.abs(z[np.isfinite(z)]) <= 1.96) <= 0.99
+    again = between(ds, "r2019", "r2023")
+    np.testing.assert_allclose(again["displacement_up"], ds["displacement_up"].values[2])
+    with pytest.raises(InputError, match="r1999"):
+        between(ds, "r1999", "r2023")
