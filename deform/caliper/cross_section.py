@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,13 @@ from deform.caliper._kernels import fit_scans, inward_running
 from deform.caliper.scans import ScanBlock, ScanReader
 
 _LEAST_ARMS = 6
+_KINDS: dict[str, type] = {
+    **dict.fromkeys(("time", "chainage"), np.float64),
+    **dict.fromkeys(("radius", "right", "up", "oval_cos", "oval_sin"), np.float32),
+    **dict.fromkeys(("spread", "used", "dip", "dip_clock", "bulge", "bulge_clock"), np.float16),  # three digits are enough
+    "moving": np.bool_,
+}
+_CELL = 2048  # scans over which the reach of the chainage is kept
 _DIP_HALF = 2  # scans on either side over which an inward departure is averaged
 
 
@@ -52,6 +61,17 @@ class ScanLog:
     def good(self) -> np.ndarray:
         """True where the section stands and the tool moves."""
         return np.isfinite(self.radius) & self.moving
+
+    @property
+    def reading_sigma(self) -> np.ndarray:
+        """Standard deviation (m) of the mean radius of each scan."""
+        return self.spread.astype(np.float32) / np.sqrt(np.maximum(self.used.astype(np.float32), 1.0))
+
+    @cached_property
+    def reach(self) -> np.ndarray:
+        """Least and greatest chainage (cells, 2) of every 2048 scans, to find places without looking at all scans."""
+        starts = np.arange(0, self.chainage.size, _CELL)
+        return np.stack([np.minimum.reduceat(self.chainage, starts), np.maximum.reduceat(self.chainage, starts)], axis=1)
 
 
 class SectionFitter:
@@ -102,25 +122,33 @@ def log_scans(
     reader: ScanReader, ring: int, fitter: SectionFitter, each: Callable[[ScanBlock, dict[str, np.ndarray]], None] | None = None
 ) -> ScanLog:
     """Fit every scan of a ring; ``each`` sees every block with its records (for the wall map)."""
-    parts: list[dict[str, np.ndarray]] = []
+    records: dict[str, Any] = {name: np.empty(reader.scans, kind) for name, kind in _KINDS.items()}
     for block in reader.blocks(ring):
-        records = _records(reader, block, fitter)
+        found = _records(reader, block, fitter)
         if each is not None:
-            each(block, records)
-        parts.append({k: _compact(k, v) for k, v in records.items()})
-    joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
-    return ScanLog(**joined, arms=len(fitter.angle))
+            each(block, found)
+        for name, values in found.items():
+            records[name][block.start : block.start + len(block.time)] = values
+    return ScanLog(**records, arms=len(fitter.angle))
 
 
 def scan_ranges(log: ScanLog, start: float, stop: float) -> list[tuple[int, int]]:
     """Ranges of scans (first, behind the last) whose chainage lies between start and stop; one for each passage."""
-    inside = np.flatnonzero((log.chainage >= start) & (log.chainage < stop) & log.good)
+    cells = np.flatnonzero((log.reach[:, 1] >= start) & (log.reach[:, 0] < stop))
+    parts = [_inside(log, int(c) * _CELL, start, stop) for c in cells]
+    inside = np.concatenate(parts) if parts else np.empty(0, np.int64)
     if not inside.size:
         return []
     breaks = np.flatnonzero(np.diff(inside) > 200)
     firsts = inside[np.concatenate([[0], breaks + 1])]
     lasts = inside[np.concatenate([breaks, [inside.size - 1]])]
     return [(int(a), int(b) + 1) for a, b in zip(firsts, lasts, strict=True)]
+
+
+def _inside(log: ScanLog, first: int, start: float, stop: float) -> np.ndarray:
+    part = slice(first, first + _CELL)
+    place = log.chainage[part]
+    return first + np.flatnonzero((place >= start) & (place < stop) & np.isfinite(log.radius[part]) & log.moving[part])
 
 
 def _records(reader: ScanReader, block: ScanBlock, fitter: SectionFitter) -> dict[str, np.ndarray]:
@@ -146,7 +174,3 @@ def _records(reader: ScanReader, block: ScanBlock, fitter: SectionFitter) -> dic
         **departures,
         "moving": reader.moving(block.time),
     }
-
-
-def _compact(name: str, values: np.ndarray) -> np.ndarray:
-    return values if name in ("time", "chainage", "moving") else values.astype(np.float32)

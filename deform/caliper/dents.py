@@ -49,7 +49,7 @@ def candidates(logs: list[ScanLog], sigma: float, least_depth: float) -> list[Ca
                 if part.size >= _LEAST_SCANS:
                     best = part[np.argmax(log.dip[part])]
                     at = log.chainage[part]
-                    weight = log.dip[part] - limit
+                    weight = log.dip[part].astype(float) - limit
                     centre = float(np.sum(weight * at) / np.sum(weight))
                     found.append(
                         Candidate(float(at.min()), float(at.max()), centre, float(log.dip_clock[best]), float(log.dip[best]))
@@ -62,7 +62,7 @@ def _by_clock(log: ScanLog, group: np.ndarray) -> list[np.ndarray]:
     parts, left = [], group
     while left.size:
         best = left[np.argmax(log.dip[left])]
-        near = np.abs(_wrap(log.dip_clock[left] - log.dip_clock[best])) < 0.8
+        near = np.abs(_wrap(log.dip_clock[left].astype(float) - float(log.dip_clock[best]))) < 0.8
         parts.append(left[near])
         left = left[~near]
     return parts

@@ -68,7 +68,7 @@ def _windowed(logs: list[ScanLog], step: float, window: float):
     count = np.bincount(cell, minlength=cells)
     many = _running(count.astype(float), half)
     use = (count > 0) | (many > 3)
-    floor = np.concatenate([log.spread[log.good] / np.sqrt(np.maximum(log.used[log.good], 1.0)) for log in logs])
+    floor = np.concatenate([log.reading_sigma[log.good] for log in logs])
     base = _running(np.bincount(cell, floor.astype(float) ** 2, cells), half)
     mean, sigma = {}, {}
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -71,6 +71,6 @@ def _averaged(logs: list[ScanLog], window: float):
     results = []
     for log in logs:
         right, up = (np.bincount(cell, v[there])[use] / count[use] for v in (log.right, log.up))
-        variance = np.bincount(cell, (2.0 * log.spread[there] ** 2 / np.maximum(log.used[there], 1.0)))[use] / count[use] ** 2
+        variance = np.bincount(cell, 2.0 * log.reading_sigma[there] ** 2)[use] / count[use] ** 2
         results.append((right, up, np.sqrt(variance)))
     return grid, results

@@ -13,6 +13,7 @@ from deform.caliper.cross_section import ScanLog, SectionFitter, scan_ranges, to
 from deform.caliper.dent_shape import DentFit
 from deform.caliper.scans import ScanBlock, ScanReader
 from deform.run import build
+from deform.vocabulary import variable
 
 _ROUND = 1e-5  # m: a hundredth of the noise of one reading is enough, and packs three times better
 
@@ -31,8 +32,9 @@ class WallMap:
         self.start, self.step, self.bins = start, step, bins
         rows = max(1, int(np.ceil((stop - start) / step)))
         self.total = np.zeros((rows, bins), np.float32)
-        self.count = np.zeros((rows, bins), np.float32)
+        self.count = np.zeros((rows, bins), np.uint16)
         self.relief: np.ndarray | float = 0.0
+        self._formed = False
 
     @property
     def chainage(self) -> np.ndarray:
@@ -48,10 +50,18 @@ class WallMap:
         fill_bins(row, angle, reader.sign, block.roll, block.radius, right, up, self.bins, self.total, self.count)
 
     def radius(self) -> np.ndarray:
-        """Mean radius (rows, bins) in metre, NaN where nothing was measured."""
-        with np.errstate(invalid="ignore"):
-            mean = np.where(self.count > 0, self.total / self.count, np.nan).astype(float) - self.relief
-        return np.round(mean / _ROUND) * _ROUND
+        """Mean radius (rows, bins) in metre, NaN where nothing was measured; float32, and formed in the place of the sums."""
+        if not self._formed:
+            with np.errstate(invalid="ignore", divide="ignore"):
+                np.divide(self.total, self.count, out=self.total)
+            self.total[self.count == 0] = np.nan
+            if not np.isscalar(self.relief):
+                self.total -= self.relief
+            np.divide(self.total, _ROUND, out=self.total)
+            np.rint(self.total, out=self.total)
+            np.multiply(self.total, _ROUND, out=self.total)
+            self._formed = True
+        return self.total
 
 
 def detail_maps(
@@ -120,31 +130,29 @@ def wall_dataset(coarse: WallMap, fine: list[WallMap], sections: xr.Dataset, pos
 
     The axis is irregular: attribute ``wall_step_m`` is the step of the whole line, ``detail_step_m`` that around dents.
     """
-    chainage, radius = coarse.chainage, coarse.radius()
-    keep = np.isfinite(radius).any(axis=1)
+    chainage = coarse.chainage
+    keep = (coarse.count > 0).any(axis=1)
     for wall in fine:
         keep &= ~((chainage >= wall.start) & (chainage < wall.start + len(wall.total) * wall.step))
-    places, shapes = [chainage[keep]], [radius[keep]]
-    for wall in fine:
-        rows = wall.radius()
-        there = np.isfinite(rows).any(axis=1)
-        places.append(wall.chainage[there])
-        shapes.append(rows[there])
-    place, shape = np.concatenate(places), np.concatenate(shapes)
-    place, first = np.unique(place, return_index=True)
-    reference = (
-        np.interp(place, sections["chainage"].values, sections["diameter_mean"].values / 2)
-        if sections.sizes["chainage"]
-        else place * np.nan
-    )
-    values = {
-        "chainage": place,
-        "clock": np.arange(coarse.bins) * 360.0 / coarse.bins,
-        "radius": shape[first],
-        "reference_radius": reference,
-        **_offsets(place, pose),
-    }
-    return build.dataset("caliper", values, wall_step_m=coarse.step, detail_step_m=fine[0].step if fine else coarse.step)
+    there = [(wall.count > 0).any(axis=1) for wall in fine]
+    place = np.concatenate([chainage[keep], *(wall.chainage[rows] for wall, rows in zip(fine, there, strict=True))])
+    order = np.argsort(place, kind="stable")
+    target = np.empty(order.size, np.int64)
+    target[order] = np.arange(order.size)
+    shape = np.empty((place.size, coarse.bins), np.float32)
+    first = 0
+    for wall, rows in zip([coarse, *fine], [keep, *there], strict=True):
+        last = first + int(rows.sum())
+        shape[target[first:last]] = wall.radius()[rows]
+        first = last
+    place = place[order]
+    known = sections.sizes["chainage"] > 0
+    reference = np.interp(place, sections["chainage"].values, sections["diameter_mean"].values / 2) if known else place * np.nan
+    clock = np.arange(coarse.bins) * 360.0 / coarse.bins
+    values = {"chainage": place, "clock": clock, "reference_radius": reference, **_offsets(place, pose)}
+    ds = build.dataset("caliper", values, wall_step_m=coarse.step, detail_step_m=fine[0].step if fine else coarse.step)
+    ds["radius"] = (("scan", "clock"), shape, variable("caliper", "radius").attrs)  # float32: it is the largest array of a run
+    return ds
 
 
 def _offsets(place: np.ndarray, pose: xr.Dataset) -> dict[str, np.ndarray]:

@@ -18,6 +18,8 @@ _FLANK_M = 0.25  # wall on either side against which a bead or a step is seen
 _LEAST_ARM_SCORE = 4.0  # sigma; lower kicks are too many to be listed
 _LEAST_STEP_SCORE = 8.0  # sigma; the wall also waves by itself over such lengths
 _LEAST_HIT_SCORE = 5.0  # sigma of the accelerometers' own noise over the same seconds
+_LEAST_TRACE = 1.5  # sigma; weaker traces are not kept
+_CHUNK, _OVERLAP = 1_000_000, 1_000  # samples of the accelerometers taken at once
 _RING_S = 0.25  # a hit rings no longer than this
 
 
@@ -31,7 +33,7 @@ class Channel:
     place : (n,) m, chainage.
     score : (n,), size of the event in sigma of its own noise; `HEARD` for a detector.
     sigma : (n,) m, how well this event is placed against the best of its channel; 0 = as well as any.
-    axis, level : (m,) m and sigma, the channel's score everywhere, so that weak traces can be looked up.
+    axis, level : (m,) m and sigma, the channel's score wherever it has any, so that weak traces can be looked up.
     covered : (m, 2) m, stretches of chainage in which the channel would have seen a weld.
     """
 
@@ -102,8 +104,8 @@ def arms_channel(log: ScanLog) -> Channel | None:
         return None
     place = log.chainage[good]
     order = np.argsort(place, kind="stable")
-    place, radius = place[order], log.radius[good][order].astype(float)
-    bead, step = np.empty(place.size), np.empty(place.size)
+    place, radius = place[order], log.radius[good][order]
+    bead, step = np.empty(place.size, np.float32), np.empty(place.size, np.float32)
     noise = 1.4826 * np.median(np.abs(np.diff(radius))) / np.sqrt(2.0)
     bead_and_step(place, radius, max(noise, 1e-6), _BEAD_HALF_M, _FLANK_M, bead, step)
     bead /= max(_robust(bead), 1.0)
@@ -119,7 +121,8 @@ def arms_channel(log: ScanLog) -> Channel | None:
     level = bead.copy()
     at = np.minimum(np.searchsorted(place, table[:, 0]), place.size - 1)
     level[at] = np.maximum(level[at], table[:, 1])
-    return Channel("arms", table[:, 0], table[:, 1], table[:, 2], place, level, _stretches(place))
+    heard = level > _LEAST_TRACE
+    return Channel("arms", table[:, 0], table[:, 1], table[:, 2], place[heard], level[heard], _stretches(place))
 
 
 def _edge(place: np.ndarray, radius: np.ndarray, step: np.ndarray, bead: np.ndarray, i: int) -> tuple[float, float, float]:
@@ -157,14 +160,42 @@ def accelerometer_channel(raw: RawRun, trajectory: xr.Dataset) -> Channel | None
     if time.size < 1000 or not moving.any():
         return None
     interval = float(np.median(np.diff(time)))
-    score, energy = hit_score(np.asarray(raw.imu["accel_count"].values), interval, moving)
+    parts = []
+    samples = raw.imu["accel_count"]
+    for first in range(0, time.size, _CHUNK):
+        begin, end = max(0, first - _OVERLAP), min(time.size, first + _CHUNK + _OVERLAP)
+        if moving[begin:end].sum() > 500:
+            parts.append(
+                _hits(
+                    samples[begin:end].values,
+                    time[begin:end],
+                    moving[begin:end],
+                    interval,
+                    trajectory,
+                    (first, first + _CHUNK, begin),
+                )
+            )
+    if not parts:
+        return None
+    centre, score, axis, level = (np.concatenate([p[k] for p in parts]) for k in range(4))
+    chainage = np.interp(time[moving][[0, -1]], trajectory["time"].values, trajectory["chainage"].values)
+    order, events = np.argsort(axis, kind="stable"), np.argsort(centre, kind="stable")
+    covered = np.array([[chainage.min(), chainage.max()]])
+    return Channel("accelerometer", centre[events], score[events], np.zeros(events.size), axis[order], level[order], covered)
+
+
+def _hits(counts, time, moving, interval: float, trajectory: xr.Dataset, chunk: tuple[int, int, int]):
+    """Places and scores of the hits of one chunk, and the places and scores of all samples that show a trace."""
+    first, last, begin = chunk
+    score, energy = hit_score(counts, interval, moving)
     chainage = np.interp(time - 0.5 * interval, trajectory["time"].values, trajectory["chainage"].values)
+    index = begin + np.arange(time.size)
+    own = (index >= first) & (index < last)
     peak = local_peaks(time, score, _LEAST_HIT_SCORE, _RING_S)
+    peak = peak[own[peak]]
     centre = np.array([hit_centre(energy, int(i), interval, chainage) for i in peak])
-    covered = np.array([[chainage[moving].min(), chainage[moving].max()]])
-    order, events = np.argsort(chainage[moving], kind="stable"), np.argsort(centre, kind="stable")
-    axis, level = chainage[moving][order], score[moving][order]
-    return Channel("accelerometer", centre[events], score[peak][events], np.zeros(events.size), axis, level, covered)
+    heard = own & (score > _LEAST_TRACE)
+    return centre, score[peak], chainage[heard], score[heard]
 
 
 def local_peaks(axis: np.ndarray, score: np.ndarray, least: float, apart: float) -> np.ndarray:
