@@ -26,6 +26,9 @@ class NavigationOptions:
 
     chainage_step_m: Positive = 0.1
     output_rate_hz: Positive = 20.0
+    filter_interval_s: Annotated[float, Field(ge=0.1, le=10.0)] = 1.0
+    marker_time_sigma_s: NotNegative = 0.03  # error of the time at which a passage is heard
+    error_model: Literal["full", "odometer", "inertial"] = "full"  # see deform.nav.error_model.MODELS
 
 
 @dataclass(frozen=True, config=_STRICT)

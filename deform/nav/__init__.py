@@ -1,1 +1,1 @@
-
+"""From counts to the centreline: alignment, odometer, filter and smoother, trajectory."""

@@ -254,7 +254,7 @@ def correct_row(row, gyro_bias, accel_bias, gyro_scale, accel_scale, out):
 def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, longest_gap, table, states, wanted, offsets, out):
     """Fill out (output, 12): place, velocity, azimuth, pitch, roll, share of the epoch passed, epoch, speed along body y.
 
-    ``states`` (epoch + 1, 27 or more): place, velocity, matrix, biases of gyro and accelerometer, their scale errors at the epochs' ends.
+    ``states`` (epoch + 1, 27 or more): place, velocity, matrix, biases and scale errors of both triads at the bounds.
     ``wanted`` are sample indices, ``offsets[k]`` the first of them at or behind bounds[k]. Inside an epoch the counts are
     integrated from its beginning; what then is missing at its end is laid on linearly.
     """

@@ -1,4 +1,4 @@
-"""Numba kernel of the caliper's arms: ranges of a ring in, the centre of the pipe in the tool's cross-section out (metre, radian)."""
+"""Numba kernel of the caliper's arms: ranges of a ring in, centre of the pipe in the tool's cross-section out (metre, radian)."""
 
 from __future__ import annotations
 

@@ -71,9 +71,9 @@ def block3_cross(F, r, c, f0, f1, f2, base, factor):
 
 @njit(cache=True, error_model="numpy")
 def transition(row, x, at, F, J, D):
-    """Fill F (9, n), rows of the transition of position, velocity, attitude, and J (3, n), derivative of the odometer's displacement.
+    """Fill F (9, n), rows of the transition of the navigated states, and J (3, n), derivative of the odometer's displacement.
 
-    ``row`` is corrected for the state's biases, ``D`` the odometer's displacement (east, north, up); `travel_parameters` adds to J.
+    ``row`` is corrected for the state's biases, ``D`` is the odometer's displacement; `travel_parameters` adds to J.
     """
     F[:, :] = 0.0
     J[:, :] = 0.0
@@ -135,7 +135,7 @@ def transition(row, x, at, F, J, D):
 
 @njit(cache=True, error_model="numpy")
 def track_axes(row, C, axes):
-    """Fill axes (3, 3) with the unit vectors along the tool, to its right and level, and up across; east, north, up components."""
+    """Fill axes (3, 3) with unit vectors along the tool, to its right and level, and up across (east, north, up)."""
     t0, t1, t2 = rotate(C, row[ATTITUDE_TIME + 1], row[ATTITUDE_TIME + 4], row[ATTITUDE_TIME + 7])
     size = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
     t0, t1, t2 = t0 / size, t1 / size, t2 / size
@@ -268,7 +268,7 @@ def predict(P, F, decay, Q, W):
 
 @njit(cache=True, error_model="numpy")
 def sway_matrix(d, reach):
-    """Transition of the wobble and its slope over a distance d: covariance s² (1 + d / l) exp(-d / l), smooth as a tool is long."""
+    """Transition of wobble and slope over a distance d: covariance s² (1 + d / l) exp(-d / l), smooth as a tool is long."""
     b = 1.0 / reach
     e = math.exp(-b * d)
     return e * (1.0 + b * d), e * d, -e * b * b * d, e * (1.0 - b * d)
@@ -318,8 +318,9 @@ def adjoint_sway(adjoint, information, w, d, reach):
 def process(row, at, walk, travel_walk, tau, steady, unknown, reckoned, R, axes, decay, Q):
     """Fill decay and Q of an epoch.
 
-    ``walk`` variance per second, ``travel_walk`` per metre, ``tau`` correlation time of a Gauss-Markov state (0 = none) of variance
-    ``steady``; the wobble (``reach``) is led on by `sway`. ``unknown``: variance per second of gap of attitude, velocity (index 0, 1), and per radian of turn of attitude (2).
+    ``walk`` variance per second, ``travel_walk`` per metre, ``tau`` correlation time of a Gauss-Markov state (0 = none) of
+    variance ``steady``; the wobble is led on by `sway`. ``unknown``: variance per second of gap of attitude and velocity,
+    and per radian of turn of the attitude.
     """
     n = decay.size
     T, s = row[DURATION], abs(row[TRAVEL])
@@ -339,13 +340,14 @@ def process(row, at, walk, travel_walk, tau, steady, unknown, reckoned, R, axes,
 
 @njit(cache=True, error_model="numpy")
 def forward(first, last, table, speeds, tilts, R, mark_epoch, mark_place, mark_R, mark_late, x, P, at, reckoned, gate,
-            walk, travel_walk, tau, reach, steady, unknown, keep, xs, Ps, counts, Hs, Ks, news, residuals, mark_news, score, turned):  # fmt: skip
-    """Filter the bounds ``first`` ... ``last``; x and P, the state before the measurements of the first, are led on behind the last.
+            walk, travel_walk, tau, reach, steady, unknown, keep, xs, Ps, counts, Hs, Ks, news, residuals, mark_news, score,
+            turned):  # fmt: skip
+    """Filter the bounds ``first`` ... ``last``; x and P, the state before the first's measurements, are led on behind the last.
 
     With ``keep`` the state and covariance behind the measurements of each bound, and the measurements, are kept in the buffers
     (index from ``first`` on). ``residuals`` (epoch, 3) takes the innovations of the travel along, right, up and ``news``
     (.., 0) innovation (.., 1) variance used (.., 2) variance expected. ``score`` (3,) gathers the log-likelihood of the travel's
-    innovations along, right, up, those beyond the gate counted at the gate; ``turned`` (bound, 9), when it has rows, the attitudes.
+    innovations along, right, up, those beyond the gate counted at it; ``turned`` (bound, 9), when it has rows, the attitudes.
     """
     n = P.shape[0]
     F, J, W, D = np.empty((NAVIGATED, n)), np.empty((3, n)), np.empty((NAVIGATED, n)), np.empty(3)
@@ -552,7 +554,7 @@ def smoothed_sigma(P, information, wanted, g, sigma):
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
 def backward(first, last, table, speeds, tilts, R, at, reckoned, walk, travel_walk, tau, reach, steady, unknown,
              xs, Ps, counts, Hs, Ks, news, adjoint, information, smooth, sigma):  # fmt: skip
-    """Smooth the bounds ``first`` ... ``last`` from the buffers of `forward`; adjoint and information come from bound ``last``'s right.
+    """Smooth the bounds ``first`` ... ``last`` from the buffers of `forward`; adjoint and information come from behind ``last``.
 
     Fills smooth (bound, STATE_COLUMNS) and sigma (bound, n).
     Modified Bryson-Frazier: x_s = x - P adjoint, P_s = P - P information P, with both behind the measurements of the bound.

@@ -80,11 +80,11 @@ def static_alignment(counts: Counts, begin: int, end: int, latitude_deg: float, 
     InputError
         When gravity or the earth's rate do not show as they must: an axis is reversed, exchanged or wrongly scaled.
     """
-    means = _kernels.running_sums(*counts.arguments, begin, end)
+    means = _kernels.running_sums(*counts.arguments, begin, end)  # type: ignore[call-arg]  # the dispatcher takes what its function takes
     rate, force, span = means[:3], means[3:6], means[6]
     check_physics(rate, force, latitude_deg, height, imu, span)
     attitude = level_and_gyrocompass(rate, force)
-    g, earth_north = np.linalg.norm(force), earth.EARTH_RATE * math.cos(math.radians(latitude_deg))
+    g, earth_north = float(np.linalg.norm(force)), earth.EARTH_RATE * math.cos(math.radians(latitude_deg))
     walk = math.radians(imu.gyro_random_walk_deg_per_sqrt_h) / 60.0 / math.sqrt(span)
     drift = math.hypot(math.radians(imu.gyro_bias_deg_per_h) / 3600.0, walk)
     tilt = math.hypot(imu.accel_bias_ug * 1e-6, imu.accel_random_walk_ug_per_sqrt_hz * 1e-6 / math.sqrt(span)) * 9.81 / g
@@ -126,7 +126,8 @@ def check_physics(rate: Floats, force: Floats, latitude_deg: float, height: floa
 
 def _axis_fault(rate: Floats, up: Floats, expected: float, doubt: float, vertical: float) -> Fault:
     """Name the axis whose reversal would mend the earth's vertical rate."""
-    said = f"the earth's vertical rate at rest is {math.degrees(vertical) * 3600:.2f} °/h, it must be {math.degrees(expected) * 3600:.2f} °/h"
+    shown, due = math.degrees(vertical) * 3600.0, math.degrees(expected) * 3600.0
+    said = f"the earth's vertical rate at rest is {shown:.2f} °/h, it must be {due:.2f} °/h"
     if abs(-vertical - expected) < doubt:
         return Fault(
             "imu.nc", "gyro_count", said + "; all gyro axes, or all accelerometer axes, look reversed", "check sensor_to_body"

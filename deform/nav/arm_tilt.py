@@ -17,7 +17,7 @@ LEAST_LEVER_M = 0.1
 
 
 def ring_centres(raw: RawRun) -> tuple[Floats, Floats] | None:
-    """Return times (s) and the slope of the pipe's centre along the tool, right and up in the tool's axes (radian); None without arms.
+    """Return times (s) and slope of the pipe's centre along the tool, right and up in its axes (radian); None without arms.
 
     Notes
     -----
@@ -65,7 +65,7 @@ def _centres(raw: RawRun, ring: int | None, step: int) -> Floats:
 
 
 def tilt_per_epoch(epochs: Epochs, attitudes: Floats, time: Floats, slope: Floats, stationary: NDArray[np.bool_]) -> Floats:
-    """Return the direction of the pipe against the tool's axis per epoch, to the right and up in the level frame (epoch, 2), radian.
+    """Return the direction of the pipe against the tool's axis (epoch, 2), to the right and up in the level frame (radian).
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def tilt_per_epoch(epochs: Epochs, attitudes: Floats, time: Floats, slope: Float
     good = np.isfinite(slope).all(axis=1) & (time >= epochs.time[0]) & (time <= epochs.time[-1])
     count = np.bincount(epoch[good], minlength=len(epochs.table)).astype(float)
     mean = np.column_stack([np.bincount(epoch[good], slope[good, i], len(epochs.table)) for i in range(2)])
-    mean /= np.maximum(count, 1.0)[:, None]
+    mean = mean / np.maximum(count, 1.0)[:, None]
     roll = np.arctan2(-attitudes[:-1, 2, 0], attitudes[:-1, 2, 2])
     sine, cosine = np.sin(roll), np.cos(roll)
     level = np.column_stack([cosine * mean[:, 0] + sine * mean[:, 1], -sine * mean[:, 0] + cosine * mean[:, 1]])

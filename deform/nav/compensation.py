@@ -67,7 +67,7 @@ def compensation_table(imu: ImuHeader, coefficients: Coefficients | None = None)
 
 
 def compensated_increments(gyro_count, accel_count, gyro_pulse, accel_pulse, dt, table) -> tuple[NDArray, NDArray]:
-    """Return angular (radian) and velocity (m/s) increments in body axes, each (sample, 3), of counts and intervals ``dt`` (s)."""
+    """Return angular (radian) and velocity (m/s) increments in body axes, (sample, 3) each, of counts and intervals (s)."""
     gyro, accel, dt = np.asarray(gyro_count), np.asarray(accel_count), np.asarray(dt, float)
     out = np.empty((len(dt), 6))
     for i, step in enumerate(dt):

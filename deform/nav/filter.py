@@ -1,4 +1,4 @@
-"""Epochs, aids and an error model in; one forward pass of the filter, block by block, and the noise that the data speak of, out."""
+"""Epochs, aids and an error model in; one forward pass of the filter, block by block, with its innovations out."""
 
 from __future__ import annotations
 
@@ -108,12 +108,14 @@ def run_block(problem: Problem, first: int, last: int, x: Floats, P: Floats, kee
               mark_news: Floats, score: Floats, turned: Floats = NO_PATH) -> None:  # fmt: skip
     """Filter one block; x and P are led on, the buffers filled when ``keep``, the log-likelihood added to ``score`` (3,)."""
     marks, model = problem.marks, problem.model
-    kernels.forward(first, last, *problem.arguments(), marks.epoch, marks.place, marks.used_variance, marks.late, x, P, model.at,
-                    model.reckoned, GATE, *model.arguments, keep, *buffers.arguments, residuals, mark_news, score, turned)  # fmt: skip
+    aids = (marks.epoch, marks.place, marks.used_variance, marks.late)
+    noise = (model.at, model.reckoned, GATE, *model.arguments)
+    arguments = (*problem.arguments(), *aids, x, P, *noise, keep, *buffers.arguments, residuals, mark_news, score, turned)
+    kernels.forward(first, last, *arguments)  # type: ignore[call-arg]  # the dispatcher takes what its function takes
 
 
 def run_forward(problem: Problem, turned: Floats = NO_PATH) -> Filtered:
-    """Filter all epochs, keeping a state per block only; ``turned`` (bound, 9), when given, takes the attitudes.
+    """Filter all epochs, keeping a state per block only; ``turned`` (bound, 9) takes the attitudes.
 
     Notes
     -----

@@ -1,4 +1,4 @@
-"""Alignment, launch and marks in; state and variances at the first bound out, a launch that the marks contradict among the findings."""
+"""Alignment, launch and marks in; state and variances at the first bound out."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +49,7 @@ def correct_between_marks(
     Notes
     -----
     Three unknowns per interval, azimuth, pitch and scale, from the three components of what is missing at the mark, iterated
-    until < 0.1 mm. A mark is tested by the path from its neighbours without it, whose doubt is theirs plus 0.05 % of the distance.
+    until < 0.1 mm. A mark is tested by the path from its neighbours without it, in doubt by theirs and 0.05 % of the distance.
 
     References
     ----------
@@ -79,7 +80,7 @@ def correct_between_marks(
 def _through(steps: Floats, epoch: NDArray, marks: Floats, used: NDArray, misfit: Floats) -> MarkCorrection:
     places = np.flatnonzero(used)
     out, turns = steps.copy(), []
-    for a, b in zip(places[:-1], places[1:], strict=True):
+    for a, b in pairwise(places):
         turn, out[epoch[a] : epoch[b]] = _solve(steps[epoch[a] : epoch[b]], marks[b] - marks[a])
         turns.append(turn)
     if turns:  # beyond the outer marks the nearest interval's correction goes on

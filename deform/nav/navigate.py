@@ -11,11 +11,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from deform.nav import odometer, product
-from deform.nav.aiding import mark_aid, travel_aid
+from deform.nav.aiding import RIDE_DENSITY, mark_aid, travel_aid
 from deform.nav.alignment import align
 from deform.nav.arm_tilt import ring_centres
 from deform.nav.compensation import compensation_table
-from deform.nav.error_model import compose
+from deform.nav.error_model import WOBBLE_DEG, WOBBLE_M, compose
 from deform.nav.filter import Problem
 from deform.nav.first_state import first_state
 from deform.nav.sanity import check_motion
@@ -55,7 +55,7 @@ def navigate(
     ----------
     raw : the raw run.
     options : options of the navigation.
-    control : group ``control`` of the vocabulary: surveyed points with chainage, used beside the run's own markers.
+    control : group ``control`` of the vocabulary; a point that bears the name of a marker of the run gives it its coordinates.
     progress : called with the fraction done.
 
     Raises
@@ -68,10 +68,12 @@ def navigate(
     counts = counts_of(raw)
     wheels = odometer.combine(raw, options)
     tell(0.25)
-    passages = raw.passages if raw.passages is not None else _no_passages()
-    bounds = epoch_bounds(counts.time, 1.0, passages["time"].values)
+    passages = with_control(raw.passages if raw.passages is not None else _no_passages(), control)
+    bounds = epoch_bounds(counts.time, options.filter_interval_s, passages["time"].values)
     epochs = preintegrate(counts, wheels.distance[1:], bounds)
-    travel = travel_aid(epochs, wheels.speed[1:], wheels.speed_sigma[1:], wheels.stationary[1:])
+    model = compose(options.error_model, raw.header)
+    across = RIDE_DENSITY if model.index("wobble").stop else 4.0 * np.radians(WOBBLE_DEG) ** 2 * WOBBLE_M
+    travel = travel_aid(epochs, wheels.speed[1:], wheels.speed_sigma[1:], wheels.stationary[1:], across)
     aligned = align(counts, epochs, travel, raw.header)
     check_motion(counts, wheels.distance[1:], epochs, travel, aligned)
     tell(0.4)
@@ -79,8 +81,7 @@ def navigate(
     places = np.column_stack(
         [np.radians(passages["latitude"].values), np.radians(passages["longitude"].values), passages["height"].values]
     )
-    marks = mark_aid(epochs, passages["time"].values, places, sigma, 0.03)
-    model = compose("full", raw.header)
+    marks = mark_aid(epochs, passages["time"].values, places, sigma, options.marker_time_sigma_s)
     start, aligned = first_state(raw, epochs, marks, aligned, model, float(travel.speeds[0]))
     solution = solve(Problem(epochs, travel, marks, model, start), ring_centres(raw))
     tell(0.8)
@@ -109,6 +110,22 @@ def counts_of(raw: RawRun) -> Counts:
     )
 
 
+def with_control(passages: xr.Dataset, control: xr.Dataset | None) -> xr.Dataset:
+    """Return the passages with the coordinates and sigmas of the control points that bear their names."""
+    if control is None or not control.sizes["point"] or not passages.sizes["marker"]:
+        return passages
+    out = passages.copy(deep=True)
+    row = {str(name): i for i, name in enumerate(control["name"].values)}
+    for m, name in enumerate(passages["name"].values):
+        i = row.get(str(name))
+        if i is None:
+            continue
+        for variable in ("latitude", "longitude", "height", "sigma_horizontal", "sigma_vertical"):
+            if variable in control and np.isfinite(control[variable].values[i]):
+                out[variable].values[m] = control[variable].values[i]
+    return out
+
+
 def _no_passages() -> xr.Dataset:
     names = ("name", "kind", "time", "latitude", "longitude", "height", "sigma_horizontal", "sigma_vertical")
     return build.dataset("passages", {name: [] for name in names})
@@ -119,7 +136,8 @@ def _mark_remarks(solution: Solution, passages: xr.Dataset) -> dict[int, str]:
     for i, row in enumerate(marks.index):
         if marks.weight[i] < 0.5 and row < passages.sizes["marker"]:
             far = solution.left_out[i]
-            text = f"contradicted by all other data: {np.hypot(far[0], far[1]):.2f} m horizontally, {abs(far[2]):.2f} m vertically; not used"
+            size = f"{np.hypot(far[0], far[1]):.2f} m horizontally, {abs(far[2]):.2f} m vertically"
+            text = f"contradicted by all other data: {size}; not used"
             remarks[int(row)] = text
             log.warning("marker %s of the run: %s", passages["name"].values[row], text)
     return remarks

@@ -60,7 +60,7 @@ def learn(problem: Problem) -> Problem:
 
 
 def apply(problem: Problem, wobble: Floats, along: float) -> Problem:
-    """Return the problem with wobble (sigma right, up in radian, length in m, ride density) and a factor on the odometer's variance."""
+    """Return the problem with wobble (sigma right, up, length; ride density) and a factor on the odometer's variance."""
     model = problem.model.with_wobble(wobble[0], wobble[1], wobble[2])
     variance = problem.start.variance.copy()
     here = model.index("wobble")
@@ -71,7 +71,7 @@ def apply(problem: Problem, wobble: Floats, along: float) -> Problem:
 
 
 def stretch(problem: Problem) -> Problem | None:
-    """Return the first `LEARNING_EPOCHS` epochs in motion with the rest before them, without marks; None when there are too few."""
+    """Return the first `LEARNING_EPOCHS` in motion and the rest before, without marks; None when there are too few."""
     moving = np.flatnonzero(~problem.travel.stationary)
     if moving.size < LEAST_EPOCHS:
         return None

@@ -33,7 +33,8 @@ def trajectory_dataset(
         wanted = np.append(wanted, counts.time.size - 1)
     out = np.empty((wanted.size, 12))
     offsets = np.searchsorted(wanted, epochs.bounds[:-1])
-    _kernels.expand(*counts.arguments, epochs.bounds, counts.longest_gap, epochs.table, states, wanted, offsets, out)
+    arguments = (*counts.arguments, epochs.bounds, counts.longest_gap, epochs.table, states, wanted, offsets, out)
+    _kernels.expand(*arguments)  # type: ignore[call-arg]  # the dispatcher takes what its function takes
     time = counts.time[wanted]
     stationary = wheels.stationary[1:][wanted]
     values: dict[str, Any] = {

@@ -55,7 +55,7 @@ def gravity_error_deg(table: Floats, up: Floats) -> float:
 
 
 def speed_slope(table: Floats, speeds: Floats, up: Floats) -> float | None:
-    """Return the slope of force along the tool, free of gravity, over change of speed; None when the speed changes too little to tell."""
+    """Return the slope of force along the tool, free of gravity, over change of speed; None when that changes too little."""
     vertical = _turned(table, up)
     change = np.diff(speeds)
     force = table[:, _kernels.VELOCITY : _kernels.VELOCITY + 3]

@@ -49,6 +49,7 @@ def smooth(problem: Problem, filtered: Filtered) -> Smoothed:
     model = problem.model
     for (first, last), (x, P) in zip(reversed(blocks(n_bounds)), reversed(filtered.checkpoints), strict=True):
         run_block(problem, first, last, x.copy(), P.copy(), True, buffers, residuals, mark_news, np.zeros(3))
-        kernels.backward(first, last, *problem.arguments(), model.at, model.reckoned, *model.arguments, *buffers.arguments,
-                         adjoint, information, states, sigma)  # fmt: skip
+        noise = (model.at, model.reckoned, *model.arguments)
+        arguments = (*problem.arguments(), *noise, *buffers.arguments, adjoint, information, states, sigma)
+        kernels.backward(first, last, *arguments)  # type: ignore[call-arg]  # the dispatcher takes what its function takes
     return Smoothed(states, sigma)

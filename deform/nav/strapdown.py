@@ -72,7 +72,7 @@ class Epochs:
 
 
 def epoch_bounds(time: Floats, interval: float, extra: Floats | None = None) -> NDArray[np.int64]:
-    """Return sample indices about ``interval`` apart, the samples next to the times ``extra`` among them, first and last included."""
+    """Return sample indices about ``interval`` apart, first, last and the samples next to the times ``extra`` among them."""
     grid = np.arange(time[0] + interval, time[-1], interval)
     if extra is not None and len(extra):
         inside = extra[(extra > time[0]) & (extra < time[-1])]
@@ -93,7 +93,8 @@ def preintegrate(counts: Counts, distance: Floats, bounds: NDArray[np.int64]) ->
     Notes
     -----
     Counts are integrals in rotating axes. With g, a the angular and velocity increments of a sample and p, b those of the one
-    before: rotation vector g + (1/12) p × g (coning), velocity a + ½ g × a + (1/6) g × (g × a) + (1/12)(p × a + b × g) (rotation, sculling).
+    before: rotation vector g + (1/12) p × g (coning), velocity a + ½ g × a + (1/6) g × (g × a) + (1/12)(p × a + b × g)
+    (rotation, sculling).
     The integrals are in the axes of the epoch's beginning, frozen in inertial space: nothing of the navigation state is in them,
     so that filter, smoother and reverse pass run over epochs alone.
 
@@ -103,7 +104,8 @@ def preintegrate(counts: Counts, distance: Floats, bounds: NDArray[np.int64]) ->
     accumulated at the navigation rate).
     """
     table = np.empty((bounds.size - 1, COLUMNS))
-    _kernels.preintegrate(*counts.arguments, distance, bounds, counts.longest_gap, table)
+    arguments = (*counts.arguments, distance, bounds, counts.longest_gap, table)
+    _kernels.preintegrate(*arguments)  # type: ignore[call-arg]  # the dispatcher takes what its function takes
     return Epochs(bounds, counts.time[bounds], table)
 
 

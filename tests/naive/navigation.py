@@ -41,7 +41,7 @@ def preintegrate(counts, distance, first, last):
 
 
 def rauch_tung_striebel(states, filtered, predicted, transitions):
-    """Smoothed errors and covariances of a linear filter: x (k, n), P (k, n, n) behind and before the measurements, Φ (k, n, n)."""
+    """Smoothed errors and covariances of a linear filter: states (k, n), P behind and before them, Φ."""
     x, P = [states[-1]], [filtered[-1]]
     for i in range(len(states) - 2, -1, -1):
         gain = filtered[i] @ transitions[i].T @ np.linalg.inv(predicted[i + 1])

@@ -28,7 +28,7 @@ class Ideal:
 
 def ideal_run(duration: float, rate: float = 100.0, latitude: float = 61.0, rest: float = 0.0, substeps: int = 4, gyro_bias=0.0,
               accel_bias=0.0, seed: int = 0, gyro_walk: float = 0.0, accel_walk: float = 0.0) -> Ideal:  # fmt: skip
-    """Return a run that rolls, climbs and turns along body y after a rest; ``gyro_bias`` rad/s and ``accel_bias`` m/s² on all axes."""
+    """Return a run that rolls, climbs and turns along body y after a rest; biases (rad/s, m/s²) are those of all axes."""
     h = 1.0 / (rate * substeps)
     t = np.arange(round(duration / h) + 1) * h
     s = np.clip(t - rest, 0.0, None)
@@ -86,7 +86,7 @@ def _places(v, h, latitude):
     place[:, 2] = 200.0 + np.concatenate([[0.0], np.cumsum(0.5 * (v[1:, 2] + v[:-1, 2]) * h)])
     lat = np.full(len(v), np.radians(latitude))
     for _ in range(3):
-        meridian, normal = earth.radii(np.degrees(lat))
+        meridian = earth.radii(np.degrees(lat))[0]
         north = v[:, 1] / (meridian + place[:, 2])
         lat = np.radians(latitude) + np.concatenate([[0.0], np.cumsum(0.5 * (north[1:] + north[:-1]) * h)])
     east = v[:, 0] / ((earth.radii(np.degrees(lat))[1] + place[:, 2]) * np.cos(lat))

@@ -42,7 +42,7 @@ def test_perfect_sensors_drift_less_than_a_decimetre_and_a_millidegree_in_an_hou
     run = ideal_run(3600.0)
     bounds = epoch_bounds(run.counts.time, 0.05)
     epochs = preintegrate(run.counts, run.distance, bounds)
-    places, velocities, attitudes = mechanize(epochs, run.places[0], run.velocities[0], run.attitudes[0])
+    places, _, attitudes = mechanize(epochs, run.places[0], run.velocities[0], run.attitudes[0])
     true = run.places[bounds]
     east, north, up = earth.enu_difference(np.degrees(places[:, 0]), np.degrees(places[:, 1]), places[:, 2],
                                            np.degrees(true[:, 0]), np.degrees(true[:, 1]), true[:, 2])  # fmt: skip
@@ -119,7 +119,7 @@ def test_transition_is_the_derivative_of_the_mechanization(run, epochs):
         )
         expected = F[:, i].copy()
         assert np.abs(numeric - expected).max() < 5e-4 + 1e-2 * np.abs(expected).max(), (i, numeric, expected)
-        # the odometer's direction turns with the attitude through the track axes as well: only for delay, tilt and sag, which are small
+        # through the track axes the odometer's direction turns with the attitude as well, for delay, tilt and sag alone
         assert np.abs((d1 - d0) / (2 * steps[i]) - J[:, i]).max() < 1e-3 + 2e-2 * np.abs(J[:, i]).max(), i
 
 
@@ -146,8 +146,8 @@ def test_coning_motion_is_integrated_without_drift():
     gyro = np.add.reduceat(turns, np.arange(0, len(turns), sub), axis=0)
     n = len(gyro)
     counts = Counts(np.arange(n + 1) / rate, np.vstack([np.zeros(3), np.rint(gyro / pulse)]).astype(np.int32),
-                    np.zeros((n + 1, 3), np.int32), pulse, 1.0, np.vstack([np.zeros((5, 3)), [[0, 1, 2]], np.zeros((3, 3)), np.eye(3), np.eye(3)]),
-                    1.0)  # fmt: skip
+                    np.zeros((n + 1, 3), np.int32), pulse, 1.0,
+                    np.vstack([np.zeros((9, 3)), np.eye(3), np.eye(3)]), 1.0)  # fmt: skip
     table = preintegrate(counts, np.zeros(n + 1), np.array([0, n])).table
     error = matrix_to_rotation_vector(C[0].T @ C[-1]) - matrix_to_rotation_vector(table[0, :9].reshape(3, 3))
     plain = cone**2 * np.pi * frequency * 10 * (1 - np.sin(2 * np.pi * frequency / rate) / (2 * np.pi * frequency / rate))
