@@ -16,6 +16,9 @@ from deform.options import MatchOptions
 
 _log = logging.getLogger(__name__)
 _FULL = 60_000  # cells up to which a whole matrix is filled when no seed is found
+_NARROW = 5  # welds on each side of the best path in which its rivals are summed
+_FIRM = 20  # welds of a stretch between two replaced ones that is no chance
+_LARGE = 20_000  # welds from which on one path is enough to learn from
 _WIDE = 120  # mean columns of a band above which the anchors contradict each other
 _ADVICE = "these are runs of two lines, or one list lacks most of its welds"
 _KEPT = 1e-3  # posterior below this is not kept
@@ -123,32 +126,28 @@ def _align_one_way(x, b, seeds: Seeds | None, options, traits, locks, direction,
     n, m = x.size, b.size
     ev = from_locks(locks, n, m)
     b = b - b[0]
+    half = options.band_half_width
     if seeds is None:
         warped, i, j = _by_scale_grid(x, b, options, ev)
     else:
         i, j = seeds.i, seeds.j
-        local = _smooth(seeds.local)
-        warped = warp(x, x[i] + 1e-9, local)
+        warped = warp(x, x[i] + 1e-9, _smooth(seeds.local))
         warped += np.median(b[j] - warped[i])
-    rates = first_rates(sigma=0.06)
-    model = LengthModel(rates, *length_density(warped, b, sigma=0.05))
-    half = options.band_half_width
-    partner = moves = None
-    for _ in range(2):
-        while True:
-            strip = band(n, m, i, j, half)
-            best, back, unit_of_row = _kernels.fill(model.lists(warped, b, *_offsets(warped, b, i, j)), strip, model.rates, ev)
-            partner, moves, _, slack = _kernels.trace_back(best, back, unit_of_row, strip, m)
-            if slack > 0 or half > 256 or not i.size:
-                break
-            half *= 2
+    sigma = 0.06 if seeds is None else seeds.noise
+    model = LengthModel(first_rates(sigma=sigma), *length_density(warped, b, sigma=max(sigma, 0.01)))
+    known = i, j  # anchors that do not come from a path
+    for again in (True, False):
+        partner, moves, half = _best_path(warped, b, i, j, known, half, model, ev)
+        before = model.rates.sigma
         warped, model = _learn(x, b, warped, partner, moves, model)
-        ev = learn(ev, traits[0], traits[1], partner) if traits else ev
-        good = np.flatnonzero(partner >= 0)
-        if seeds is None and good.size:
-            i, j = good, partner[good]
-            half = max(half, 12)
-    strip, both = band(n, m, i, j, half), model.lists(warped, b, *_offsets(warped, b, i, j))
+        hints = learn(ev, traits[0], traits[1], partner) if traits else ev
+        steady = 0.67 < model.rates.sigma / before < 1.5 and not hints.used
+        ev = hints
+        i, j = _firm(partner, moves) if (partner >= 0).any() else (i, j)
+        half = _NARROW if seeds is not None else max(half, 12)
+        if again and steady and n > _LARGE:
+            break
+    strip, both = band(n, m, i, j, half), model.lists(warped, b, *_offsets(warped, b, *known))
     forward = _kernels.forward(both, strip, model.rates, ev)
     match, shifted = _kernels.backward(both, strip, model.rates, ev, *forward)
     kept = np.flatnonzero(match > _KEPT)
@@ -171,6 +170,32 @@ def _align_one_way(x, b, seeds: Seeds | None, options, traits, locks, direction,
         evidence_nats=float(forward[3]) - (np.log(1e18) * len(locks.locked) if locks else 0.0),
         local=local,
     )
+
+
+def _firm(partner, moves):
+    """Pairs of the best path without the short stretches between two replaced ones, which may be chance."""
+    at = np.flatnonzero(partner >= 0)
+    stretch = np.cumsum((moves[at] >= 1) & (moves[at] <= 4))
+    long = np.bincount(stretch)[stretch] >= _FIRM
+    at = at[long] if long.any() else at
+    return at, partner[at]
+
+
+def _best_path(warped, b, i, j, known, half, model, ev):
+    """Partner and move of each weld of A on the best path.
+
+    Where the path touches the edge of its band, the band is laid anew about the path, and wider each time.
+    """
+    lists = model.lists(warped, b, *_offsets(warped, b, *known))
+    while True:
+        strip = band(warped.size, b.size, i, j, half)
+        best, back, unit = _kernels.fill(lists, strip, model.rates, ev)
+        partner, moves, _, slack = _kernels.trace_back(best, back, unit, strip, b.size)
+        if slack > 0 or half > 256 or not i.size:
+            return partner, moves, half
+        i = np.flatnonzero(partner >= 0)
+        j = partner[i]
+        half = half + 1 if half < 16 else 2 * half
 
 
 def _offsets(warped, b, i, j):

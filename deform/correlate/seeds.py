@@ -11,9 +11,11 @@ from deform.correlate._kernels import BIN, Band
 from deform.correlate._seed_kernels import heaviest_chain, search
 from deform.correlate.length_model import length_density
 
-_LONG = 8  # joints of a window that must be found anywhere in the other run
+_LONG = 9  # joints of a window that must be found anywhere in the other run
 _SHORT = 4  # joints of a window that must be found near its expected place
-_WINDOWS = 96  # long windows that are looked for
+_WINDOWS = 64  # long windows that are looked for
+_NOISE = 0.06  # metre, where nothing is known
+_CERTAIN = 150.0  # nats of a chain that leave no need to try the other direction
 _TOLERANCE = 0.22  # metre, of one joint's length
 
 
@@ -27,6 +29,7 @@ class Seeds:
     scale : B over A.
     i, j : anchors: weld i of A is probably weld j of B (turned, where direction is -1).
     local : scale of B over A at each anchor.
+    noise : scale of the differences of joint lengths at the anchors, metre.
     support : weight (nats) of the best chain of long windows in this direction, and in the other.
     """
 
@@ -35,6 +38,7 @@ class Seeds:
     i: np.ndarray
     j: np.ndarray
     local: np.ndarray
+    noise: float
     support: tuple[float, float]
 
 
@@ -55,14 +59,16 @@ def find_seeds(
         b = y if direction > 0 else -y[::-1]
         chain = _long_chain(x, b, unit * (1 - scale_range), unit * (1 + scale_range))
         trials.append((chain[0] if chain else 0.0, direction, b, chain))
+        if trials[-1][0] > _CERTAIN:
+            break
     trials.sort(key=lambda t: -t[0])
     weight, direction, b, chain = trials[0]
     if chain is None:
         return None
     _, i, j, local = chain
     scale = float(np.median(local))
-    i, j, local = _near_chain(x, b, i, j, scale)
-    return Seeds(direction, scale, i, j, local, (weight, trials[1][0] if len(trials) > 1 else 0.0))
+    i, j, local, noise = _near_chain(x, b, i, j, scale)
+    return Seeds(direction, scale, i, j, local, noise, (weight, trials[1][0] if len(trials) > 1 else 0.0))
 
 
 def band(n: int, m: int, i: np.ndarray, j: np.ndarray, half_width: int) -> Band:
@@ -94,12 +100,16 @@ def _information(x: np.ndarray) -> np.ndarray:
     return np.maximum(-np.log(np.minimum(density[k] * _TOLERANCE, 1.0)), 0.0)
 
 
-def _window_starts(x: np.ndarray, information: np.ndarray, k: int, blocks: int) -> np.ndarray:
-    """First weld of the window that tells most in each of so many blocks of the run."""
+def _window_starts(information: np.ndarray, k: int, blocks: int, needed: float) -> np.ndarray:
+    """First weld of one window in each of so many blocks of the run.
+
+    It is the one that tells least among those that tell enough: what tells most holds the run's own false and missed welds.
+    """
     total = np.concatenate([[0.0], np.cumsum(information)])
     told = total[k:] - total[:-k]
     edges = np.unique(np.linspace(0, told.size, blocks + 1).astype(int))
-    return np.asarray([a + int(np.argmax(told[a:b])) for a, b in itertools.pairwise(edges) if b > a], np.int64)
+    rank = np.where(told >= needed, told, 1e6 - told)
+    return np.asarray([a + int(np.argmin(rank[a:b])) for a, b in itertools.pairwise(edges) if b > a], np.int64)
 
 
 def _long_chain(x, y, least, most):
@@ -108,7 +118,7 @@ def _long_chain(x, y, least, most):
     if k < 3:
         return None
     information = _information(x)
-    starts = _window_starts(x, information, k, _WINDOWS)
+    starts = _window_starts(information, k, _WINDOWS, np.log(y.size) + 10.0)
     all_b = np.full(starts.size, y.size)
     window, j, scale, misfit = search(
         x,
@@ -148,7 +158,7 @@ def _near_chain(x, y, i0, j0, scale):
     """Dense anchors: short windows looked for near the place that the long ones predict."""
     k = _SHORT
     if x.size <= k or y.size <= k:
-        return i0, j0, np.full(i0.size, scale)
+        return i0, j0, np.full(i0.size, scale), _NOISE
     starts = np.arange(0, x.size - k, max(k, 1), dtype=np.int64)
     at = np.interp(x[starts], x[i0], y[j0])
     at = np.where(x[starts] < x[i0[0]], y[j0[0]] + scale * (x[starts] - x[i0[0]]), at)
@@ -160,9 +170,9 @@ def _near_chain(x, y, i0, j0, scale):
     reach = (30.0 + 0.02 * away + 1.2 * np.minimum(bridged, 3000.0)) * max(scale, 0.1)
     first, last = np.searchsorted(y, at - reach), np.searchsorted(y, at + reach)
     least = np.full(starts.size, scale * 0.975)
-    window, j, local, _ = search(x, y, starts, first, last, k, least, least * 1.05 / 0.975, _TOLERANCE, 6)
+    window, j, local, misfit = search(x, y, starts, first, last, k, least, least * 1.05 / 0.975, _TOLERANCE, 6)
     if not window.size:
-        return i0, j0, np.full(i0.size, scale)
+        return i0, j0, np.full(i0.size, scale), _NOISE
     information = _information(x)
     told = np.concatenate([[0.0], np.cumsum(information)])
     i = starts[window]
@@ -171,6 +181,8 @@ def _near_chain(x, y, i0, j0, scale):
     kept = np.flatnonzero(weight > 1.5)
     kept = kept[np.lexsort((-j[kept], i[kept]))]
     if not kept.size:
-        return i0, j0, np.full(i0.size, scale)
+        return i0, j0, np.full(i0.size, scale), _NOISE
     chain = kept[heaviest_chain(i[kept], j[kept], weight[kept], y.size)]
-    return i[chain], j[chain], local[chain]
+    # a window of k joints with one scale taken out; 0.78 from a standard deviation to the scale of t with 3 degrees of freedom
+    noise = 0.78 * float(np.median(misfit[chain])) * np.sqrt(k / (k - 1))
+    return i[chain], j[chain], local[chain], min(max(noise, 0.01), 0.1)

@@ -52,7 +52,7 @@ def test_banded_kernels_equal_the_whole_matrix_written_plainly(seed, locked):
         lambda length: both.density[int(length / _kernels.BIN)],
         rates,
         lambda i, j: float(_kernels.evidence(i, j, ev)),
-        lambda i, j: float(_kernels.ending(i, j, both)),
+        lambda i, j: float(_kernels.ending(i, j, both.x, both.y, both.offset, both.margin)),
         lambda i, j: float(_kernels.traits(i, j, ev)),
     )
     assert forward[3] == pytest.approx(np.log(twin_total), abs=1e-9)
