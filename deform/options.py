@@ -144,6 +144,7 @@ class RouteOptions:
     crossings: Annotated[int, Field(ge=0)] = 1  # river crossings with heavier wall
     bend_fields: Annotated[int, Field(ge=0)] = 1  # stretches of cold bends that never change
     valve_spacing_m: Positive = 2500.0
+    valve_recess_m: NotNegative = 0.0  # the bore of a valve opens by this over 0.3 m in its middle
     marker_spacing_m: Positive = 1000.0
     vertices: tuple[tuple[float, float], ...] = ()  # longitude, latitude of a real route to follow, in order
 

@@ -68,7 +68,7 @@ def wall_table(line: Line) -> Floats:
     table[:, 2] = 0.25 * joints.ovality * line.outside_diameter
     table[:, 3] = joints.ovality_clock
     table[:, 4] = joints.bead_m
-    table[:, 5] = np.where(joints.kind == "valve", 0.004, 0.0)
+    table[:, 5] = joints.recess_m
     return table
 
 

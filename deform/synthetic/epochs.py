@@ -290,7 +290,8 @@ def _replaced_joints(
     fresh["joint_id"] = [f"{event.id}-{i + 1:03d}" for i in range(n)]
     fresh["weld_id"] = [str(joints[inside].weld_id.iloc[0])] + [f"W{event.id}-{i + 1:03d}" for i in range(1, n)]
     fresh["material_start"] = np.interp(start, line.chainage, line.material)
-    fresh["length_m"], fresh["is_replaced"] = length, 1
+    fresh["length_m"], fresh["is_replaced"], fresh["recess_m"] = length, 1, 0.0
+    fresh["bead_m"] = rng.normal(0.0012, 0.0003, n).clip(0.0003)
     fresh["wall_m"] = options.route.wall_m * (1.0 + rng.normal(0.0, 0.01, n))
     fresh["ovality"], fresh["ovality_clock"] = rng.gamma(4.0, 0.0006, n), rng.uniform(0, np.pi, n)
     headings = line.at(np.append(start, ends[1]), AZIMUTH)[:, 0], line.at(np.append(start, ends[1]), PITCH)[:, 0]

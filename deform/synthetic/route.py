@@ -33,7 +33,7 @@ class Line:
     material : chainage of each knot's material when the line was built (metre).
     replaced : 0 pipe as built, 1 cut-out, 2 re-route.
     joints : one row per joint: joint_id, weld_id (at its start), material_start, start_m, length_m, wall_m, kind,
-        bend_angle_deg, is_replaced, ovality, ovality_clock, bead_m.
+        bend_angle_deg, is_replaced, ovality, ovality_clock, recess_m, bead_m.
     outside_diameter : metre.
     """
 
@@ -135,9 +135,9 @@ def lay_joints(options: RouteOptions, rng: np.random.Generator) -> pd.DataFrame:
     kind = np.where(pup, "pup", "straight").astype(object)
     for place in np.arange(0.5, options.length_m / options.valve_spacing_m) * options.valve_spacing_m:
         i = int(np.searchsorted(start, place)) - 1
-        kind[i], length[i] = "valve", 1.2
+        kind[i], length[i], wall[i] = "valve", 1.5, options.heavy_wall_m
         start = np.concatenate([[0.0], np.cumsum(length)[:-1]])
-    return _describe(length, kind, wall, rng)
+    return _describe(length, kind, wall, options.valve_recess_m, rng)
 
 
 def draw_lengths(total: float, joint: float, pup_share: float, rng: np.random.Generator) -> Floats:
@@ -162,7 +162,7 @@ def crossings(options: RouteOptions) -> Floats:
     return options.length_m * (np.arange(options.crossings) + 0.42) / max(options.crossings, 1)
 
 
-def _describe(length: Floats, kind: Floats, wall: Floats, rng: np.random.Generator) -> pd.DataFrame:
+def _describe(length: Floats, kind: Floats, wall: Floats, recess: float, rng: np.random.Generator) -> pd.DataFrame:
     n = length.size
     return pd.DataFrame(
         {
@@ -177,6 +177,7 @@ def _describe(length: Floats, kind: Floats, wall: Floats, rng: np.random.Generat
             "is_replaced": 0,
             "ovality": rng.gamma(4.0, 0.0006, n),
             "ovality_clock": rng.uniform(0, np.pi, n),
+            "recess_m": np.where(kind == "valve", recess, 0.0),
             "bead_m": rng.normal(0.0012, 0.0003, n).clip(0.0003),
         }
     )

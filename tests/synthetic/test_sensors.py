@@ -150,6 +150,16 @@ def test_centred_arms_in_round_pipe_read_the_inner_radius(line):
     assert np.abs(ranges[pipe, 0] - wanted[pipe, None]).max() < 6e-5
 
 
+def test_a_recessed_valve_opens_in_its_middle(line):
+    recessed = lay(RouteOptions(length_m=500.0, valve_spacing_m=400.0, valve_recess_m=0.004, crossings=0), seed=2)
+    valve = recessed.joints[recessed.joints.kind == "valve"].iloc[0]
+    _, way, ranges = _scan(recessed)
+    off = way - 0.6 - valve.start_m
+    inner = 0.5 * recessed.outside_diameter - valve.wall_m
+    assert np.nanmean(ranges[np.abs(off - 0.75) < 0.1]) == pytest.approx(inner + 0.004, abs=2e-4)
+    assert np.nanmean(ranges[np.abs(off - 0.3) < 0.1]) == pytest.approx(inner, abs=2e-4)
+
+
 def test_weld_bead_stands_inward_at_the_ring(line):
     _, way, ranges = _scan(line, caliper_rate_hz=400.0)
     weld = line.joints.iloc[20]
