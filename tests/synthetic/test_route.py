@@ -101,3 +101,13 @@ def test_a_line_follows_the_vertices_of_a_real_route():
     azimuth = np.degrees(line.table[:, 1])
     assert np.ptp(azimuth) > 40.0
     assert np.hypot(*line.curvature(line.chainage)).max() < 0.05
+
+
+def test_a_line_takes_the_shape_of_a_real_pipeline(real):
+    pyogrio = pytest.importorskip("pyogrio")
+    frame = pyogrio.read_dataframe(real / "routes_eia" / "HGL_Pipelines_US_201606.shp").to_crs("EPSG:4326")
+    parts = frame.geometry.explode().loc[lambda g: g.apply(lambda x: 40 < len(x.coords) < 400)]
+    vertices = tuple((x, y) for x, y, *_ in parts.iloc[0].coords)
+    line = lay(RouteOptions(length_m=5000.0, vertices=vertices, induction_bends_deg=(), bend_fields=0, crossings=0))
+    assert line.length == pytest.approx(5000.0, abs=20.0)
+    assert (np.hypot(*line.curvature(line.chainage)) < 0.1).all()
