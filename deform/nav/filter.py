@@ -111,7 +111,7 @@ def run_block(problem: Problem, first: int, last: int, x: Floats, P: Floats, kee
     aids = (marks.epoch, marks.place, marks.used_variance, marks.late)
     noise = (model.at, model.reckoned, GATE, *model.arguments)
     arguments = (*problem.arguments(), *aids, x, P, *noise, keep, *buffers.arguments, residuals, mark_news, score, turned)
-    kernels.forward(first, last, *arguments)  # type: ignore[call-arg]  # the dispatcher takes what its function takes
+    kernels.forward(first, last, *arguments)
 
 
 def run_forward(problem: Problem, turned: Floats = NO_PATH) -> Filtered:

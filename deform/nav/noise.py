@@ -71,7 +71,7 @@ def apply(problem: Problem, wobble: Floats, along: float) -> Problem:
 
 
 def stretch(problem: Problem) -> Problem | None:
-    """Return the first `LEARNING_EPOCHS` in motion and the rest before, without marks; None when there are too few."""
+    """Return the first `LEARNING_EPOCHS` in motion and the rest before, without marks; None with too few."""
     moving = np.flatnonzero(~problem.travel.stationary)
     if moving.size < LEAST_EPOCHS:
         return None
@@ -80,7 +80,8 @@ def stretch(problem: Problem) -> Problem | None:
     return replace(
         problem,
         epochs=Epochs(epochs.bounds[: end + 1], epochs.time[: end + 1], epochs.table[:end]),
-        travel=replace(travel, speeds=travel.speeds[: end + 1], variance=travel.variance[:end], stationary=travel.stationary[:end],
+        travel=replace(travel, speeds=travel.speeds[: end + 1], variance=travel.variance[:end],
+                       stationary=travel.stationary[:end],
                        along_shape=travel.along_shape[:end], travel=travel.travel[:end], tilt=travel.tilt[:end]),
         marks=marks.only(np.zeros(marks.epoch.size, bool)),
     )  # fmt: skip

@@ -34,7 +34,7 @@ def trajectory_dataset(
     out = np.empty((wanted.size, 12))
     offsets = np.searchsorted(wanted, epochs.bounds[:-1])
     arguments = (*counts.arguments, epochs.bounds, counts.longest_gap, epochs.table, states, wanted, offsets, out)
-    _kernels.expand(*arguments)  # type: ignore[call-arg]  # the dispatcher takes what its function takes
+    _kernels.expand(*arguments)
     time = counts.time[wanted]
     stationary = wheels.stationary[1:][wanted]
     values: dict[str, Any] = {

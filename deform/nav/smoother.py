@@ -51,5 +51,5 @@ def smooth(problem: Problem, filtered: Filtered) -> Smoothed:
         run_block(problem, first, last, x.copy(), P.copy(), True, buffers, residuals, mark_news, np.zeros(3))
         noise = (model.at, model.reckoned, *model.arguments)
         arguments = (*problem.arguments(), *noise, *buffers.arguments, adjoint, information, states, sigma)
-        kernels.backward(first, last, *arguments)  # type: ignore[call-arg]  # the dispatcher takes what its function takes
+        kernels.backward(first, last, *arguments)
     return Smoothed(states, sigma)

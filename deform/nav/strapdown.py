@@ -105,7 +105,7 @@ def preintegrate(counts: Counts, distance: Floats, bounds: NDArray[np.int64]) ->
     """
     table = np.empty((bounds.size - 1, COLUMNS))
     arguments = (*counts.arguments, distance, bounds, counts.longest_gap, table)
-    _kernels.preintegrate(*arguments)  # type: ignore[call-arg]  # the dispatcher takes what its function takes
+    _kernels.preintegrate(*arguments)
     return Epochs(bounds, counts.time[bounds], table)
 
 
