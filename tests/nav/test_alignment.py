@@ -1,0 +1,109 @@
+"""First attitude at rest and in motion against truth, its stated limit, and axes that are reversed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deform.errors import InputError
+from deform.geometry import earth
+from deform.geometry.rotation import attitude_to_matrix, matrix_to_rotation_vector
+from deform.nav.alignment import alignment_in_motion, check_physics, level_and_gyrocompass, static_alignment, wahba
+from deform.nav.compensation import Coefficients, compensated_increments, compensation_table
+from deform.nav.strapdown import epoch_bounds, preintegrate
+from deform.run.raw import ImuHeader
+from tests.nav.ideal import ideal_run
+
+IMU = ImuHeader(rate_hz=100.0, gyro_bias_deg_per_h=0.01, gyro_random_walk_deg_per_sqrt_h=0.0005, accel_bias_ug=50.0)
+
+
+def errors_deg(found, true):
+    return np.degrees(matrix_to_rotation_vector(found @ true.T))
+
+
+@pytest.mark.parametrize("angles", [(0.0, 0.0, 0.0), (117.0, -3.0, -72.0), (300.0, 60.0, 170.0)])
+def test_a_perfect_unit_at_rest_tells_its_attitude(angles):
+    C = attitude_to_matrix(*angles)
+    found = level_and_gyrocompass(C.T @ earth.earth_rate(61.0), C.T @ np.array([0.0, 0.0, 9.8]))
+    np.testing.assert_allclose(found, C, atol=1e-12)
+
+
+def test_alignment_at_rest_reaches_the_limit_of_bias_and_random_walk():
+    """Li (2012): latitude 28.2 degree, 600 s, ten sets; 0.01 °/h gyros, 50 µg: limit = bias / (Ω cos φ), levelling bias / g."""
+    azimuth, level, stated = [], [], 0.0
+    draw = np.random.default_rng(5)
+    for seed in range(10):
+        drift, bias = draw.standard_normal() * np.radians(0.01) / 3600.0, draw.standard_normal() * 5e-4
+        run = ideal_run(600.0, rate=100.0, latitude=28.2, rest=600.0, substeps=1, gyro_bias=drift, accel_bias=bias, seed=seed,
+                        gyro_walk=np.radians(0.0005) / 60.0, accel_walk=1e-4)  # fmt: skip
+        found = static_alignment(run.counts, 0, run.counts.time.size - 1, 28.2, 200.0, IMU)
+        error = errors_deg(found.attitude, run.attitudes[0])
+        azimuth.append(error[2])
+        level.append(np.hypot(error[0], error[1]))
+        stated = np.degrees(found.sigma[2])
+    limit = np.degrees(np.radians(0.01) / 3600.0 / (earth.EARTH_RATE * np.cos(np.radians(28.2))))
+    # one drift on all axes shows as drift times the east component of (1, 1, 1) in the level frame
+    assert np.sqrt(np.mean(np.square(azimuth))) < 1.15 * 1.5 * limit
+    assert np.sqrt(np.mean(np.square(level))) < 0.007
+    assert 0.9 * limit < stated < 1.3 * limit
+
+
+def test_alignment_in_motion_finds_the_attitude_of_a_moving_tool():
+    """Li (2012): 600 s in motion coarse 0.2 degree azimuth and 0.05 degree level."""
+    for seed in range(3):
+        run = ideal_run(640.0, rate=100.0, latitude=28.2, substeps=2, gyro_bias=2e-8, accel_bias=3e-4, seed=seed,
+                        gyro_walk=np.radians(0.0005) / 60.0, accel_walk=1e-4)  # fmt: skip
+        first = 4000  # under way
+        bounds = first + epoch_bounds(run.counts.time[first:], 1.0)
+        epochs = preintegrate(run.counts, run.distance, bounds)
+        speeds = np.linalg.norm(run.velocities[bounds], axis=1)
+        found = alignment_in_motion(epochs, speeds, 28.2, 200.0, IMU)
+        error = errors_deg(found.attitude, run.attitudes[first])
+        assert abs(error[2]) < 0.2
+        assert np.hypot(error[0], error[1]) < 0.05
+        assert abs(error[2]) < 4.0 * np.degrees(found.sigma[2])
+
+
+def test_alignment_in_motion_over_seconds_is_refused():
+    run = ideal_run(10.0, substeps=1)
+    epochs = preintegrate(run.counts, run.distance, epoch_bounds(run.counts.time, 1.0))
+    with pytest.raises(InputError, match="too little for an azimuth"):
+        alignment_in_motion(epochs, np.zeros(11), 61.0, 200.0, IMU)
+
+
+def test_wahba_gives_a_rotation_even_for_vectors_in_a_plane():
+    C = attitude_to_matrix(40.0, 10.0, -30.0)
+    vectors = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    np.testing.assert_allclose(wahba(vectors, vectors @ C.T), C, atol=1e-12)
+
+
+@pytest.mark.parametrize(("axis", "name"), [(0, "x"), (2, "z")])
+def test_a_reversed_gyro_axis_is_named(axis, name):
+    C = attitude_to_matrix(100.0, 5.0, 50.0)
+    rate, force = C.T @ earth.earth_rate(61.0), C.T @ np.array([0.0, 0.0, float(earth.gravity(61.0, 200.0))])
+    check_physics(rate, force, 61.0, 200.0, IMU, 600.0)
+    rate[axis] *= -1.0
+    with pytest.raises(InputError, match=f"axis {name}"):
+        check_physics(rate, force, 61.0, 200.0, IMU, 600.0)
+
+
+def test_a_wrong_pulse_weight_of_the_accelerometers_is_refused():
+    C = attitude_to_matrix(100.0, 5.0, 50.0)
+    with pytest.raises(InputError, match="gravity at rest"):
+        check_physics(C.T @ earth.earth_rate(61.0), C.T @ np.array([0.0, 0.0, 9.5]), 61.0, 200.0, IMU, 600.0)
+
+
+def test_compensation_takes_off_what_was_put_on():
+    known = Coefficients(gyro_drift=(1e-6, -2e-6, 3e-6), gyro_scale=(1e-3, 0.0, -1e-3), gyro_scale_asymmetry=(0.0, 2e-3, 0.0),
+                         mass_unbalance_spin=(1e-6, 0.0, 0.0), mass_unbalance_input=(0.0, 0.0, 1e-6), spin_axis=(1, 2, 0),
+                         accel_bias=(1e-3, 0.0, -1e-3), accel_scale=(0.0, 1e-3, 0.0), accel_scale_asymmetry=(0.0, 0.0, 1e-3))  # fmt: skip
+    imu = ImuHeader(rate_hz=10.0, sensor_to_body=((0, -1, 0), (1, 0, 0), (0, 0, 1)))
+    gyro, accel = np.array([[1000, -2000, 3000]], np.int32), np.array([[500, 600, -9000]], np.int32)
+    found, force = compensated_increments(gyro, accel, 1e-6, 1e-4, [0.1], compensation_table(imu, known))
+    a = np.array([0.05, 0.06, -0.9])
+    f = a - np.array([1e-3, 0.0, -1e-3]) * 0.1 - np.array([0.0, 1e-3, 0.0]) * a - np.array([0.0, 0.0, 1e-3]) * np.abs(a)
+    g = np.array([1e-3, -2e-3, 3e-3])
+    w = g - np.array([1e-6, -2e-6, 3e-6]) * 0.1 - np.array([1e-3, 0.0, -1e-3]) * g - np.array([0.0, 2e-3, 0.0]) * np.abs(g)
+    w -= np.array([1e-6 * f[0], 0.0, 0.0]) + np.array([0.0, 0.0, 1e-6 * f[0]])
+    np.testing.assert_allclose(force[0], [-f[1], f[0], f[2]], atol=1e-15)
+    np.testing.assert_allclose(found[0], [-w[1], w[0], w[2]], atol=1e-15)
