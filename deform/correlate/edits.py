@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from deform.correlate._kernels import BIN
 from deform.correlate.length_model import LengthModel
 from deform.correlate.registry import Registry
 from deform.correlate.weld_list import WeldList
 
+_NEAR = 0.3  # metre; two lengths that differ less are of the same pipe
 _IN_PLACE = 1.0  # metre; a replaced stretch whose length stays within this is a cut-out, else a re-route
 
 
@@ -72,7 +74,7 @@ def find_changes(registry: Registry, own: np.ndarray, sigma: float) -> list[Chan
             n_a, n_b = int(has_a[d] - has_a[c] - 1), int(has_b[d] - has_b[c] - 1)
             length_a, length_b = own[d, a] - own[c, a], own[d, b] - own[c, b]
             apart = abs(length_a - length_b)
-            near = apart < max(8.0 * sigma, 0.003 * length_a)
+            near = apart < max(8.0 * sigma, _NEAR, 0.003 * length_a)
             if n_a + n_b == 0 or (near and (min(n_a, n_b) == 0 or n_a == n_b == 1)):
                 continue
             kind = "cutout" if apart < max(_IN_PLACE, 0.01 * length_a) else "reroute"
@@ -104,20 +106,20 @@ def real_columns(
         group = [column]
         while group[-1] + 1 < real.size and n_members[group[-1] + 1] == 1 and registry.member[group[-1] + 1, run] >= 0:
             group.append(group[-1] + 1)
-        detected = lists[run].probability[registry.member[group, run]].clip(0.01, 0.99)
-        others = _who_see_whole(registry, own, run, group, changes)
+        detected = lists[run].probability[registry.member[group, run]].clip(0.001, 0.999)
+        others = _who_see_whole(registry, run, group, changes)
+        if not others:
+            real[group] = _credible(own, run, group, detected, model)
+            column = group[-1] + 1
+            continue
         odds = np.log(detected / (1.0 - detected)).sum() - np.log(9.0) * len(group)  # 0.9 is an ordinary weld
-        if others:
-            odds += _length_odds(own, run, group, model, missed, false, others)
-        else:
-            odds += 2.0 * len(group)
-        low = detected < 0.5
-        real[group] = (odds > 0.0) & ~low
+        odds += _length_odds(own, run, group, model, missed, false, others)
+        real[group] = (odds > 0.0) & (detected >= 0.5)
         column = group[-1] + 1
     return real
 
 
-def _who_see_whole(registry, own, run, group, changes) -> int:
+def _who_see_whole(registry, run, group, changes) -> int:
     """Number of runs that have the same pipe here and do not show the welds of the group."""
     count = 0
     for r in range(registry.member.shape[1]):
@@ -130,6 +132,38 @@ def _who_see_whole(registry, own, run, group, changes) -> int:
     return count
 
 
+def _credible(own, run, group, detected, model) -> np.ndarray:
+    """True for welds of new pipe, that no other run can vouch for: the detector's odds times what the joint lengths say.
+
+    The weld that is least credible is taken away first, then the joints about the others are judged anew.
+    """
+    good = np.ones(len(group), bool)
+    places = own[:, run]
+    present = np.isfinite(places)
+    while True:
+        kept = np.flatnonzero(present)
+        at = np.searchsorted(kept, group)
+        odds = np.full(len(group), np.inf)
+        for k in np.flatnonzero(good):
+            inner = 0 < at[k] < kept.size - 1
+            odds[k] = np.log(detected[k] / (1.0 - detected[k]))
+            if inner:
+                left, right = np.diff(places[kept[at[k] - 1 : at[k] + 2]])
+                pieces = _log_density(model, np.asarray([left, right, left + right]))
+                odds[k] += pieces[0] + pieces[1] - pieces[2] + np.log(left + right)
+            if detected[k] >= 0.5:  # the detector alone is enough
+                odds[k] = np.inf
+        worst = int(np.argmin(odds))
+        if odds[worst] >= 0.0:
+            return good
+        good[worst] = False
+        present[group[worst]] = False
+
+
+def _log_density(model: LengthModel, length: np.ndarray) -> np.ndarray:
+    return np.log(model.density[np.minimum((np.abs(length) / BIN).astype(int), model.density.size - 1)])
+
+
 def _length_odds(own, run, group, model, missed, false, others):
     present = np.flatnonzero(np.isfinite(own[:, run]))
     k = int(np.searchsorted(present, group[0]))
@@ -138,14 +172,9 @@ def _length_odds(own, run, group, model, missed, false, others):
         return 0.0
     places = own[present[k - 1 : e + 2], run]
     pieces, whole = np.diff(places), places[-1] - places[0]
-    density = model.density
-
-    def log_g(length):
-        return np.log(density[np.minimum((np.abs(length) / 0.01).astype(int), density.size - 1)])
-
     n = len(group)
-    as_real = log_g(pieces).sum() + others * n * np.log(missed)
-    as_false = log_g(np.asarray([whole]))[0] + n * (np.log(false) - np.log(max(whole, 0.1))) + np.log(float(n))
+    as_real = _log_density(model, pieces).sum() + others * n * np.log(missed)
+    as_false = _log_density(model, np.asarray([whole]))[0] + n * (np.log(false) - np.log(max(whole, 0.1))) + np.log(float(n))
     return float(as_real - as_false)
 
 
