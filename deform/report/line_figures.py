@@ -142,33 +142,40 @@ def _banded(ax: Any, ds: xr.Dataset, name: str, factor: float) -> None:
             ax.fill_between(s, y - sigma, y + sigma, color=style["color"], alpha=0.2, linewidth=0)
 
 
-def curvature_comparison(ds: xr.Dataset, component: str) -> Figure:
+def curvature_comparison(ds: xr.Dataset, *components: str) -> Figure:
     """Return the curvature of the reference run, and the other runs minus it (Porter 1990, Fig. 4-10 to 4-13).
 
-    ``component`` is ``vertical`` (+ = sag) or ``horizontal`` (+ = to the right); the two panels have scales of their own.
+    ``components`` are of ``vertical`` (+ = sag) and ``horizontal`` (+ = to the right); each has two panels, scaled apart.
     """
+    with rc_context(MATPLOTLIB):
+        figure = Figure(figsize=(_WIDE, 2.15 * len(components)))
+        axes = np.ravel(figure.subplots(2 * len(components), 1, sharex=True))
+        for i, component in enumerate(components):
+            _curvature_pair(axes[2 * i], axes[2 * i + 1], ds, component)
+        axes[-1].set_xlabel(_CHAINAGE)
+    return figure
+
+
+def _curvature_pair(top: Any, bottom: Any, ds: xr.Dataset, component: str) -> None:
     sign = {"vertical": "+ = sag", "horizontal": "+ = to the right"}[component]
     s, values = ds["chainage"].values, ds[f"curvature_{component}"].values
     runs = [str(r) for r in ds["run"].values]
     first = runs.index(ds.attrs["reference"])
-    with rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(_WIDE, 2.15))
-        top, bottom = figure.subplots(2, 1, sharex=True)
-        keep = thinned(s, values[first], _POINTS)
-        top.plot(s[keep], values[first][keep], label=runs[first], **epoch_style(first))
-        top.set(title=f"Curvature, {component}", ylabel=f"curvature (1/m)\n{sign}")
-        change = f"curvature_change_{component}"
-        for k, run in enumerate(runs):
-            if k == first:
-                continue
-            y = ds[change].values[k] if change in ds else values[k] - values[first]
-            keep = thinned(s, y, _POINTS)
-            bottom.plot(s[keep], y[keep], label=f"{run} minus {runs[first]}", **epoch_style(k))
-        bottom.set(xlabel=_CHAINAGE, ylabel="difference (1/m)")
-        top.legend(fontsize=7)
-        if len(runs) > 1:
-            bottom.legend(fontsize=7)
-    return figure
+    keep = thinned(s, values[first], _POINTS)
+    top.plot(s[keep], values[first][keep], label=runs[first], **epoch_style(first))
+    top.set_title(f"Curvature, {component}, {sign}")
+    top.set_ylabel("(1/m)", fontsize=7)
+    change = f"curvature_change_{component}"
+    for k, run in enumerate(runs):
+        if k == first:
+            continue
+        y = ds[change].values[k] if change in ds else values[k] - values[first]
+        keep = thinned(s, y, _POINTS)
+        bottom.plot(s[keep], y[keep], label=f"{run} minus {runs[first]}", **epoch_style(k))
+    bottom.set_ylabel("difference (1/m)", fontsize=7)
+    top.legend(fontsize=7, loc="upper right")
+    if len(runs) > 1:
+        bottom.legend(fontsize=7, loc="upper right")
 
 
 def navigation_panel(ds: xr.Dataset, run: str) -> Figure:

@@ -31,7 +31,7 @@ _CHANGES = [
     ("displacement_up", "vertical (m)\n+ = up", 1.0),
 ]
 _MOST_WELD_ROWS = 400
-_DPI = 190
+_DPI = 150
 _ZONE_MARGIN_M = 60.0
 
 
@@ -67,16 +67,19 @@ def pdf_context(content: Content, options: ReportOptions) -> dict[str, Any]:
         window = dent_dataset(content, dent)
         if window is not None or len(dent["epochs"]) > 1:
             cards.append({"dent": dent, "picture": None if window is None else picture(figures.dent_card(window))})
+    limit_picture, held = _limit_picture(content), quality(content)
+    if limit_picture is not None:  # the picture says it; the rows are in the page and the workbook
+        held["tables"] = [table for table in held["tables"] if table["name"] != "limits"]
     welds = weld_table(content)
     odd = [row for row in welds["rows"] if any(word not in ("matched", "shifted") for word in row[3:-2:2])]
     return numbers | {
         "cards": cards,
         "more_dents": max(len(numbers["dents"]) - options.most_dent_cards, 0),
-        "quality": quality(content),
+        "quality": held,
         "overview": [] if ds is None else _overview(ds, numbers["zones"], content),
         "zone_pictures": [] if ds is None else _zone_pictures(ds, moved[: options.most_zone_details]),
         "trend_pictures": _trend_pictures(content),
-        "limit_picture": _limit_picture(content),
+        "limit_picture": limit_picture,
         "navigation_pictures": [] if ds is None else _navigation_pictures(ds, content),
         "weld_runs": welds["runs"],
         "weld_rows": odd[:_MOST_WELD_ROWS],
@@ -114,9 +117,8 @@ def _zone_pictures(ds: Any, zones: list[dict]) -> list[dict[str, Any]]:
         if part.sizes["chainage"] < 2:
             continue
         shown = [picture(line_figures.zone_detail(part))] if "displacement_lateral" in part else []
-        shown += [
-            picture(line_figures.curvature_comparison(part, c)) for c in ("vertical", "horizontal") if f"curvature_{c}" in part
-        ]
+        bent = [component for component in ("vertical", "horizontal") if f"curvature_{component}" in part]
+        shown += [picture(line_figures.curvature_comparison(part, *bent))] if bent else []
         found.append({"zone": zone, "pictures": shown})
     return found
 
