@@ -14,6 +14,7 @@ from deform.correlate.registry import Registry
 from deform.correlate.weld_list import WeldList
 
 _NEAR = 0.3  # metre; two lengths that differ less are of the same pipe
+_TOO_LONG = 7.0  # nats against a joint longer than the longest of the line
 _IN_PLACE = 1.0  # metre; a replaced stretch whose length stays within this is a cut-out, else a re-route
 
 
@@ -109,7 +110,7 @@ def real_columns(
         detected = lists[run].probability[registry.member[group, run]].clip(0.001, 0.999)
         others = _who_see_whole(registry, run, group, changes)
         if not others:
-            real[group] = _credible(own, run, group, detected, model)
+            real[group] = _credible(own, run, group, detected)
             column = group[-1] + 1
             continue
         odds = np.log(detected / (1.0 - detected)).sum() - np.log(9.0) * len(group)  # 0.9 is an ordinary weld
@@ -132,14 +133,17 @@ def _who_see_whole(registry, run, group, changes) -> int:
     return count
 
 
-def _credible(own, run, group, detected, model) -> np.ndarray:
+def _credible(own, run, group, detected) -> np.ndarray:
     """True for welds of new pipe, that no other run can vouch for: the detector's odds times what the joint lengths say.
 
-    The weld that is least credible is taken away first, then the joints about the others are judged anew.
+    New pipe may have any length up to the line's longest joints (99 in 100): two pieces of a joint then weigh (left + right) over
+    the longest, and a joint beyond it hardly can be. The weld that is least credible is taken away first, then the others are
+    judged anew.
     """
     good = np.ones(len(group), bool)
     places = own[:, run]
     present = np.isfinite(places)
+    longest = float(np.quantile(np.diff(places[present]), 0.98))
     while True:
         kept = np.flatnonzero(present)
         at = np.searchsorted(kept, group)
@@ -149,8 +153,7 @@ def _credible(own, run, group, detected, model) -> np.ndarray:
             odds[k] = np.log(detected[k] / (1.0 - detected[k]))
             if inner:
                 left, right = np.diff(places[kept[at[k] - 1 : at[k] + 2]])
-                pieces = _log_density(model, np.asarray([left, right, left + right]))
-                odds[k] += pieces[0] + pieces[1] - pieces[2] + np.log(left + right)
+                odds[k] += np.log((left + right) / longest) + (_TOO_LONG if left + right > 1.05 * longest else 0.0)
             if detected[k] >= 0.5:  # the detector alone is enough
                 odds[k] = np.inf
         worst = int(np.argmin(odds))
