@@ -23,7 +23,11 @@ _log = logging.getLogger(__name__)
 
 _NODE_M = 0.5  # spacing of the nodes at which the wobble is estimated; it is longer than metres
 _BLOCK_M = 20.0  # length over which the constant misalignments are averaged before they are adjusted
-_RING_SIGMA_M = 1e-4  # of the tool's offset at a ring, averaged over a node: roundness of the pipe, not the noise of the arms
+_RING_SIGMA_M = (
+    4e-4  # of the tool's offset at a ring at one node: roundness of the pipe lasts over metres, the arms' noise does not
+)
+_LEAST_SHIFT_M = 5e-5  # of the path at one node
+_CUPS_OD = 3.0  # usual distance of the tool's supports in outside diameters
 _PRIOR_RAD = math.radians(0.5)  # misalignment and sag expected of a tool
 
 TURN_LAGS_M = np.array([0.05, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0])
@@ -242,24 +246,27 @@ def _smoothed(
 ) -> Wobble:
     usual = float(np.median(speed))
     model = fit_wobble(total, _NODE_M, usual, header.imu)
-    seen, variance, shift = total[:, None], np.array([model.shift_variance]), 0.0
+    seen, variance = total[:, None], np.array([max(model.shift_variance, _LEAST_SHIFT_M**2)])
+    # two supports a distance B apart that shift by themselves: the mean of both is B / 2 times the angle between them
+    shift, ring_sigma, order = 0.5 * _CUPS_OD * header.pipe.outside_diameter_m * model.sigma, 0.0, model.order
     if ring is not None and abs(ring[0]) > 0.05 and np.isfinite(ring[1]).sum() > 100:
         lever, offset = ring
         spread = MAD_TO_SIGMA * float(np.nanmedian(np.abs(offset)))
         shift = math.sqrt(max(spread**2 - (lever * model.sigma) ** 2, 0.1 * spread**2, 1e-8))
-        seen, variance = np.stack([total, offset], axis=1), np.array([model.shift_variance, _RING_SIGMA_M**2])
-    F, Q, Q_push, P0 = model.discrete(_NODE_M, shift)
+        ring_sigma, order = _RING_SIGMA_M, 1
+        seen, variance = np.stack([total, offset], axis=1), np.append(variance, ring_sigma**2)
+    F, Q, Q_push, P0 = model.discrete(_NODE_M, shift, order)
+    own = model.order + 2
     rows = np.zeros((seen.shape[1], F.shape[0]))
-    rows[0, 0] = 1.0
-    if seen.shape[1] == 2:
-        own = model.order + 2
-        rows[0, own], rows[1, own], rows[1, 1] = -1.0, 1.0, lever
+    rows[0, 0], rows[0, own] = 1.0, -1.0
+    if ring_sigma > 0:
+        rows[1, own], rows[1, 1] = 1.0, lever
     value, sigma, odd = np.empty(total.size), np.empty(total.size), np.zeros(1, np.int64)
     push = (usual / speed) ** 3
     _kernels_path.smooth_chain(seen, variance, rows, push, F, Q, Q_push, P0, 1, value, sigma, odd)
     if odd[0]:
         _log.info("%d of %d measurements of the path lie beyond five sigma and carry less weight", odd[0], seen.size)
-    turn = turn_sigma(model, TURN_LAGS_M, total, _NODE_M, direction, float(grid[1] - grid[0]))
+    turn = turn_sigma(model, TURN_LAGS_M, total, _NODE_M, direction, float(grid[1] - grid[0]), (shift, ring_sigma))
     return Wobble(np.interp(grid, nodes, value), np.interp(grid, nodes, sigma), turn)
 
 

