@@ -193,6 +193,18 @@ class DentOptions:
 
 
 @dataclass(frozen=True, config=_STRICT)
+class FittingOptions:
+    """A feature of the wall that is there from the start: the opening of a tee, or a wrinkle."""
+
+    id: str
+    chainage_m: NotNegative
+    kind: Literal["tee", "wrinkle"] = "tee"
+    clock_deg: float = 0.0
+    height_m: Positive = 0.02  # of the opening, outward, or of the wrinkle's crests
+    length_m: Positive = 0.1  # diameter of the opening, or wavelength of the wrinkle
+
+
+@dataclass(frozen=True, config=_STRICT)
 class ToolOptions:
     """The tool of a run and how it travels."""
 
@@ -259,6 +271,7 @@ class SimulateOptions:
     movements: tuple[MovementOptions, ...] = ()
     replacements: tuple[ReplacementOptions, ...] = ()
     dents: tuple[DentOptions, ...] = ()
+    fittings: tuple[FittingOptions, ...] = ()
 
     @classmethod
     def demo(cls) -> SimulateOptions:

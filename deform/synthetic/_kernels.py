@@ -269,11 +269,10 @@ def arm_ranges(places, poses, angles, offset, joints, dents, noise, out):
 
     places (n,): chainage of the ring; poses (n, 5): roll, yaw, tilt, right, above at the IMU; joints (m, 6): start, radius,
     amplitude and clock of its ovality (blended in over 0.5 m), bead height at its start, recess;
-    dents (d, 6): chainage, clock, depth, half length, half width (angle), sharpness, sorted.
+    dents (d, 7): chainage, clock, depth, half length, half width (angle), sharpness, kind (0 dent, 1 tee, 2 wrinkle), sorted.
     """
     starts = joints[:, 0]
     j = first = 0
-    tenth = 2.0 * math.log(10.0)
     for n in range(places.size):
         s = places[n]
         roll, yaw, tilt = poses[n, 0], poses[n, 1], poses[n, 2]
@@ -297,13 +296,25 @@ def arm_ranges(places, poses, angles, offset, joints, dents, noise, out):
                 for d in range(first, dents.shape[0]):
                     if dents[d, 0] > s + 2.0:
                         break
-                    off = (clock - dents[d, 1] + math.pi) % (2.0 * math.pi) - math.pi
-                    x, y = (place - dents[d, 0]) / dents[d, 3], off / dents[d, 4]
-                    if x * x < 9.0 and y * y < 9.0:
-                        power = 0.5 * dents[d, 5]
-                        radius -= dents[d, 2] * math.exp(-0.5 * tenth * ((x * x) ** power + (y * y) ** power))
+                    radius -= intrusion(dents, d, place, clock)
                 reach = math.sqrt(radius * radius - squared) - along
             out[n, a] = reach + noise[n, a]
+
+
+@njit(cache=True, error_model="numpy")
+def intrusion(dents, d, place, clock):
+    """How far a dent, or the crests of a wrinkle, stand inward (metre); the opening of a tee is negative."""
+    off = (clock - dents[d, 1] + math.pi) % (2.0 * math.pi) - math.pi
+    x, y = (place - dents[d, 0]) / dents[d, 3], off / dents[d, 4]
+    x2, y2 = x * x, y * y
+    if dents[d, 6] == 1.0:
+        return -dents[d, 2] if x2 + y2 < 1.0 else 0.0
+    if x2 > 9.0 or y2 > 9.0:
+        return 0.0
+    if dents[d, 6] == 2.0:
+        return dents[d, 2] * math.cos(math.pi * x) * math.exp(-0.5 * (x2 + y2))
+    power = 0.5 * dents[d, 5]
+    return dents[d, 2] * math.exp(-math.log(10.0) * (x2**power + y2**power))
 
 
 @njit(cache=True, error_model="numpy")

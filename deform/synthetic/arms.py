@@ -23,7 +23,13 @@ PACKING_M = 1e-4
 
 
 def scans(
-    motion: Motion, dents: pd.DataFrame, tool: ToolOptions, seed: int, name: str, mirrored: bool
+    motion: Motion,
+    dents: pd.DataFrame,
+    tool: ToolOptions,
+    seed: int,
+    name: str,
+    mirrored: bool,
+    fittings: pd.DataFrame | None = None,
 ) -> Iterator[tuple[Floats, NDArray[np.uint16]]]:
     """Yield blocks of time (n,) and packed ranges (n, ring, arm), `FILL` where an arm gave nothing.
 
@@ -33,11 +39,12 @@ def scans(
     dents : of this run, chainage and clock looking downstream of the line.
     tool : its arms, rings, noise, drop-outs and dead arms.
     mirrored : true for an upstream run: the clock in the direction of travel is the mirror image.
+    fittings : tees and wrinkles, as the dents.
     """
     rng = stream(seed, name, "arms")
     total = int(motion.duration * tool.caliper_rate_hz + 1e-6) + 1
     angles = arm_angles(tool)
-    joints, table = wall_table(motion.line), dent_table(dents, motion.line, mirrored)
+    joints, table = wall_table(motion.line), dent_table(dents, fittings, motion.line, mirrored)
     for first in range(0, total, BLOCK):
         time = np.arange(first, min(first + BLOCK, total)) / tool.caliper_rate_hz
         packed = np.empty((time.size, len(tool.ring_offset_m), tool.arms), np.uint16)
@@ -72,12 +79,22 @@ def wall_table(line: Line) -> Floats:
     return table
 
 
-def dent_table(dents: pd.DataFrame, line: Line, mirrored: bool) -> Floats:
-    """Return one row per dent in the direction of travel: chainage, clock, depth, half length, half width, sharpness."""
-    place = line.length - dents.chainage_m if mirrored else dents.chainage_m
-    clock = np.radians(-dents.clock_deg if mirrored else dents.clock_deg)
-    half_width = dents.width_m / line.outside_diameter
-    rows = np.column_stack([place, clock, dents.depth_m, 0.5 * dents.length_m, half_width, dents.sharpness]).astype(float)
+def dent_table(dents: pd.DataFrame, fittings: pd.DataFrame | None, line: Line, mirrored: bool) -> Floats:
+    """Return one row per dent, tee and wrinkle in the direction of travel, sorted, as `_kernels.intrusion` takes them.
+
+    Chainage, clock, depth, half length, half width (angle), sharpness, kind. A wrinkle reaches 60° to either side.
+    """
+    columns = [dents.chainage_m, dents.clock_deg, dents.depth_m, 0.5 * dents.length_m, dents.width_m / line.outside_diameter]
+    rows = np.column_stack([*columns, dents.sharpness, np.zeros(len(dents))]).astype(float)
+    if fittings is not None and len(fittings):
+        wrinkle = (fittings.kind == "wrinkle").to_numpy()
+        half_width = np.where(wrinkle, np.radians(60.0), fittings.length_m / line.outside_diameter)
+        columns = [fittings.chainage_m, fittings.clock_deg, fittings.height_m, 0.5 * fittings.length_m]
+        more = np.column_stack([*columns, half_width, np.zeros(len(fittings)), 1.0 + wrinkle]).astype(float)
+        rows = np.vstack([rows, more])
+    rows[:, 1] = np.radians(-rows[:, 1] if mirrored else rows[:, 1])
+    if mirrored:
+        rows[:, 0] = line.length - rows[:, 0]
     return np.ascontiguousarray(rows[np.argsort(rows[:, 0])])
 
 

@@ -17,7 +17,18 @@ from deform.synthetic._kernels import AZIMUTH, HEIGHT, LATITUDE, LONGITUDE, PITC
 from deform.synthetic.lists import WeldList, joint_lists
 from deform.synthetic.route import Line, draw_lengths, stream
 
-__all__ = ["WeldList", "calm_spans", "dents_at", "displacement", "events_at", "joint_lists", "line_at", "place_of", "shifted"]
+__all__ = [
+    "WeldList",
+    "calm_spans",
+    "dents_at",
+    "displacement",
+    "events_at",
+    "fittings_at",
+    "joint_lists",
+    "line_at",
+    "place_of",
+    "shifted",
+]
 
 Floats = NDArray[Any]
 
@@ -26,6 +37,7 @@ DENT_COLUMNS = [
     *("dent_id", "chainage_m", "epoch0_chainage_m", "clock_deg", "depth_m"),
     *("depth_pct_od", "length_m", "width_m", "sharpness"),
 ]
+FITTING_COLUMNS = ["fitting_id", "kind", "chainage_m", "epoch0_chainage_m", "clock_deg", "height_m", "length_m"]
 EVENT_COLUMNS = [
     *("event_id", "type", "start_m", "end_m", "epoch0_start_m", "epoch0_end_m", "peak_displacement_m"),
     *("peak_added_bending_strain", "peak_total_bending_strain", "peak_axial_strain", "elongation_m", "history", "n_old", "n_new"),
@@ -176,6 +188,17 @@ def dents_at(line: Line, options: SimulateOptions, run: int) -> pd.DataFrame:
         "sharpness",
     ]
     return pd.DataFrame(rows, columns=columns).sort_values("chainage_m").reset_index(drop=True)
+
+
+def fittings_at(line: Line, options: SimulateOptions) -> pd.DataFrame:
+    """Return the tees and wrinkles on pipe that is still there."""
+    rows = []
+    for fitting in options.fittings:
+        if line.replaced[np.searchsorted(line.material, fitting.chainage_m).clip(0, line.replaced.size - 1)] == 0:
+            row = {"fitting_id": fitting.id, "kind": fitting.kind, "chainage_m": float(line.of_material(fitting.chainage_m))}
+            row |= {"epoch0_chainage_m": fitting.chainage_m, "clock_deg": fitting.clock_deg % 360.0}
+            rows.append(row | {"height_m": fitting.height_m, "length_m": fitting.length_m})
+    return pd.DataFrame(rows, columns=FITTING_COLUMNS)
 
 
 def events_at(line: Line, built: Line, options: SimulateOptions, run: int) -> pd.DataFrame:

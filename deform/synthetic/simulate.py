@@ -104,7 +104,8 @@ def _write_run(passage: Passage, options: SimulateOptions, folder: Path, truth_f
     dents = epochs.dents_at(passage.line, options, passage.index)
     caliper = folder / "caliper.nc"
     if tool.caliper:
-        scanned = arms.scans(motion, dents, tool, options.seed, run.id, passage.upstream)
+        fittings = epochs.fittings_at(passage.line, options)
+        scanned = arms.scans(motion, dents, tool, options.seed, run.id, passage.upstream, fittings)
         total = int(motion.duration * tool.caliper_rate_hz + 1e-6) + 1
         files.write_caliper(caliper, parts.count(scanned, total, 0.5, 0.95), arms.arm_angles(tool), tool, run.id)
     else:
@@ -124,6 +125,8 @@ def _write_truth(passage, folder, options, errors, scale, dents, welds, markers,
     events = epochs.events_at(passage.line, passage.built, options, passage.index)
     files.write_table(folder / "events_truth.csv", events)
     files.write_table(folder / "dents_truth.csv", dents.drop(columns="sharpness"))
+    if options.fittings:  # a table that the demonstration data do not have
+        files.write_table(folder / "fittings_truth.csv", epochs.fittings_at(passage.line, options))
     files.write_table(folder / "joints_truth.csv", truth.joints_table(passage.line))
     files.write_table(folder / "welds_truth.csv", truth.welds_table(passage, *welds))
     files.write_table(folder / "markers_truth.csv", markers)

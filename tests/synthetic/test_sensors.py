@@ -195,6 +195,29 @@ def test_dent_is_at_its_clock_and_place_whatever_way_the_tool_runs(line, mirrore
     assert np.ptp(tenth) == pytest.approx(0.4, abs=0.03)
 
 
+@pytest.mark.parametrize("kind", ["tee", "wrinkle"])
+def test_tee_opens_outward_and_wrinkle_waves_about_the_wall(line, kind):
+    fitting = {"fitting_id": "F", "kind": kind, "chainage_m": 250.0, "epoch0_chainage_m": 250.0, "clock_deg": 40.0}
+    fittings = pd.DataFrame([fitting | {"height_m": 0.01, "length_m": 0.2}])
+    motion, tool = _motion(line, caliper_rate_hz=200.0, arms=72)
+    plain, fitted = (
+        np.concatenate([b[1][:, 0] for b in arms.scans(motion, NO_DENTS, tool, 1, "run", False, f)]) * arms.PACKING_M
+        for f in (None, fittings)
+    )
+    change = fitted - plain
+    way = motion.distance(np.arange(len(change)) / 200.0)[0] - 0.6
+    row, arm = np.unravel_index(np.abs(change).argmax(), change.shape)
+    assert way[row] == pytest.approx(250.0, abs=0.11)
+    assert np.abs(change[np.abs(way - 250.0) > 1.0]).max() < 1e-9
+    assert abs((np.degrees(2 * np.pi * arm / 72 + motion.line.at([way[row]], 11)[0, 0]) - 40.0 + 180) % 360 - 180) < 40.0
+    if kind == "tee":
+        assert change.min() > -1e-9
+        assert change.max() == pytest.approx(0.01, abs=2e-4)
+    else:
+        assert change.min() == pytest.approx(-0.01, abs=4e-4)
+        assert change.max() > 0.004
+
+
 def test_dead_arms_and_drop_outs_give_nothing(line):
     _, _, ranges = _scan(line, dead_arms=(3, 7), arm_dropout=0.01)
     assert np.isnan(ranges[:, 0, [3, 7]]).all()
