@@ -17,9 +17,9 @@ from deform.errors import Fault, InputError
 from deform.options import Options, option_faults, options_from
 
 _STRICT = ConfigDict(extra="forbid")
-REPORT_FORMATS = ("html", "pdf", "xlsx", "gpkg")
-SURFACE_FORMATS = ("ply", "glb", "stl")
 Format = Literal["html", "pdf", "xlsx", "gpkg", "ply", "glb", "stl"]
+REPORT_FORMATS: tuple[Format, ...] = ("html", "pdf", "xlsx", "gpkg")
+SURFACE_FORMATS: tuple[Format, ...] = ("ply", "glb", "stl")
 
 
 @dataclass(frozen=True, config=_STRICT)

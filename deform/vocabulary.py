@@ -71,7 +71,7 @@ def group(name: str) -> dict[str, Variable]:
         raise SchemaError(f"vocabulary.toml: no group {name!r}; there are {', '.join(_content()['group'])}") from None
     variables: dict[str, Variable] = {}
     for key, entry in entries.items():
-        options = {k: tuple(v) if isinstance(v, list) else v for k, v in entry.items() if k != "sigma"}
+        options: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in entry.items() if k != "sigma"}
         variable = Variable(group=name, name=key, **options)
         variables[key] = variable
         if entry.get("sigma"):
@@ -106,10 +106,11 @@ def table(name: str) -> dict[str, Column]:
         entries = _content()["table"][name]
     except KeyError:
         raise SchemaError(f"vocabulary.toml: no table {name!r}; there are {', '.join(_content()['table'])}") from None
-    return {
-        key: Column(table=name, name=key, **{k: tuple(v) if isinstance(v, list) else v for k, v in entry.items()})
-        for key, entry in entries.items()
-    }
+    columns: dict[str, Column] = {}
+    for key, entry in entries.items():
+        options: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in entry.items()}
+        columns[key] = Column(table=name, name=key, **options)
+    return columns
 
 
 def tables() -> tuple[str, ...]:

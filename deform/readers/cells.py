@@ -7,7 +7,7 @@ import unicodedata
 
 import numpy as np
 
-from deform import units
+import deform.units as units
 from deform.errors import OptionError
 
 CLOCK_FORMATS = ("h:mm", "h.mm", "hours", "degree")
