@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 
+from deform.errors import OptionError
 from deform.options import (
     DentOptions,
     MovementOptions,
@@ -18,6 +19,7 @@ from deform.options import (
     RunOptions,
     SimulateOptions,
     ToolOptions,
+    simulate_options_from,
 )
 from deform.readers.reader import read_source
 from deform.synthetic.simulate import simulate
@@ -131,3 +133,19 @@ def test_dents_and_replaced_joints_are_in_the_truth(folder):
     joints = pd.read_csv(folder / "truth" / "b" / "joints_truth.csv")
     assert (joints.is_replaced == 1).sum() >= 3
     assert (joints.start_m.diff().dropna() > 0).all()
+
+
+def test_options_come_from_a_file_and_an_unknown_key_is_named_with_the_known_ones(tmp_path):
+    path = tmp_path / "line.toml"
+    path.write_text(
+        'line = "north"\nseed = 4\n[route]\nlength_m = 500.0\n[tool]\nimu = "tactical"\n'
+        '[[runs]]\nid = "n1"\ndate = 2020-05-01\n[[runs]]\nid = "n2"\ndate = 2024-05-01\ndirection = "upstream"\n'
+        '[[movements]]\nid = "LS"\nstart_m = 200.0\nlength_m = 80.0\namplitude_m = 0.4\n',
+        encoding="utf-8",
+    )
+    options = simulate_options_from(path)
+    assert options.runs[1].direction == "upstream"
+    assert options.movements[0].history == "linear"
+    path.write_text("[route]\nlenght_m = 500.0\n", encoding="utf-8")
+    with pytest.raises(OptionError, match=r"route.lenght_m: unknown option; known here are length_m"):
+        simulate_options_from(path)
