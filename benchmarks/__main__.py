@@ -19,6 +19,7 @@ def main(names: list[str]) -> int:
     failed = 0
     for name in names or known:
         print(f"\n== {name}", flush=True)
+        sys.argv = [name]  # a benchmark reads its own options; here it runs with its defaults
         try:
             importlib.import_module(f"benchmarks.{name}").main()
         except ImportError as absent:

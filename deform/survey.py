@@ -248,7 +248,7 @@ def export(survey: Survey, ledger: Ledger, key: str) -> None:
         with ledger.stage("surfaces", key) as record:
             from deform.mesh import write_dent_surfaces
 
-            written = write_dent_surfaces(survey.folder, formats=surfaces, progress=ledger.ticker("surfaces"))
+            written = write_dent_surfaces(survey.folder, surfaces, survey.options.mesh, progress=ledger.ticker("surfaces"))
             ledger.outputs(record, _flat(written))
     reports = tuple(f for f in wanted if f not in SURFACE_FORMATS)
     if reports:
@@ -312,6 +312,20 @@ def write_demo(folder: Path, *, options_file: Path | None = None, progress: Call
     with store.atomic(path) as place:
         place.write_text(f'[line]\nname = "{chosen.line}"\n{entries}\n[outputs]\nfolder = "out"\n', encoding="utf-8")
     return path
+
+
+def screen_lines(folders: list[Path], out: Path) -> list[Path]:
+    """Rank what changed on many lines: ``screening.csv``, ``lines.csv`` and a page; a folder that cannot be read is named."""
+    from deform.change.screen import screen
+    from deform.report.screening import write_screening
+
+    found = screen(folders)
+    for folder, fault in found.unread:
+        _log.warning("%s is left out: %s", folder, fault)
+    if found.lines.empty:
+        raise InputError([Fault(folder, "", fault) for folder, fault in found.unread])
+    tables = [_write_frame(found.table, out / "screening.csv"), _write_frame(found.lines, out / "lines.csv")]
+    return [*tables, write_screening(folders, out / "screening.html")]
 
 
 def _open_ledger(survey: Survey, progress: Progress, resume: bool) -> Ledger:
