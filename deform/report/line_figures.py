@@ -75,7 +75,10 @@ def strips(ds: xr.Dataset, panels: list[tuple[str, str, float]], zones: list[dic
         for zone in zones:
             top = axes[0]
             middle = (zone["start"] + zone["end"]) / 2
-            top.annotate(zone["id"], (middle, 1), xycoords=("data", "axes fraction"), ha="center", va="bottom", fontweight="bold")
+            if float(ds["chainage"].values[0]) <= middle <= float(ds["chainage"].values[-1]):
+                top.annotate(
+                    zone["id"], (middle, 1), xycoords=("data", "axes fraction"), ha="center", va="bottom", fontweight="bold"
+                )
         axes[0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0, 1.12), fontsize=7, borderaxespad=0)
         axes[-1].set_xlabel(_CHAINAGE)
         axes[-1].set_xlim(float(ds["chainage"].values[0]), float(ds["chainage"].values[-1]))

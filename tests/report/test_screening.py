@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from deform.options import ReportOptions
 from deform.report import write_report, write_screening
 from tests.report.browser import Browser
 from tests.report.fabricate import write_folder
@@ -13,7 +14,7 @@ def _lines(folder: Path) -> list[Path]:
     moving = write_folder(folder / "moving", line="moving", length_m=4000.0, step_m=1.0, caliper=False)
     quiet = write_folder(folder / "quiet", line="quiet & <still>", length_m=500.0, step_m=1.0, zones=False, dents=False)
     listing = write_folder(folder / "listing", line="listing", length_m=500.0, listing=True, zones=False)
-    write_report(moving)
+    write_report(moving, options=ReportOptions(most_dent_cards=0))
     return [quiet, listing, moving, folder / "nowhere"]
 
 
