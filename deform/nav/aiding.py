@@ -36,13 +36,14 @@ class TravelAid:
     travel: Floats
     tilt: Floats
 
-    def with_noise(self, along: float, across: float) -> TravelAid:
-        """Return the aid with a factor on the odometer's own variance along, and a density (m² per m) across the pipe."""
+    def with_noise(self, along: float, right: float, up: float) -> TravelAid:
+        """Return the aid with a factor on the odometer's own variance along, and densities (m² per m) to the right and up."""
         moving = ~self.stationary & (self.variance[:, 0] > 0)
         variance = self.variance.copy()
         variance[moving, 0] = along * self.along_shape[moving] + REST_SIGMA_M**2
         slip = 0.02**2 * self.along_shape[moving]
-        variance[moving, 1:] = (across * self.travel[moving] + slip + REST_SIGMA_M**2)[:, None]
+        variance[moving, 1] = right * self.travel[moving] + slip + REST_SIGMA_M**2
+        variance[moving, 2] = up * self.travel[moving] + slip + REST_SIGMA_M**2
         return replace(self, variance=variance)
 
 
@@ -106,7 +107,7 @@ def travel_aid(
     variance = np.full((len(travel), 3), REST_SIGMA_M**2)
     variance[epochs.gap > 0] = 0.0
     aid = TravelAid(speed[epochs.bounds].astype(float), variance, still, along_shape, travel, np.zeros((len(travel), 2)))
-    return aid.with_noise(1.0, across)
+    return aid.with_noise(1.0, across, across)
 
 
 def mark_aid(epochs: Epochs, time: Floats, place: Floats, sigma: Floats, time_sigma_s: float) -> MarkAid:

@@ -71,15 +71,15 @@ def calibrate(
     force, rate : (k, 3) means in body axes (m/s², rad/s).
     latitude_deg, height : of the place.
     force_sigma, rate_sigma : standard deviation of one mean.
-    bias_sigma : what is known beforehand of accelerometer biases and gyro drifts (m/s², rad/s); without it they are free, which one
-        orientation alone cannot carry.
+    bias_sigma : what is known beforehand of accelerometer biases and gyro drifts (m/s², rad/s); without it they are free, which
+        one orientation alone cannot carry.
 
     Notes
     -----
     Observation equations Rᵀ g - f + b = 0 and Rᵀ ω - w + d = 0 per orientation, linearised in a turn of R about east, north, up,
-    which has no singular pitch; normal equations N = AᵀC⁻¹A, solution -N⁻¹AᵀC⁻¹w (Porter's 3-13 lacks the inverse on C), covariance
-    N⁻¹. Directions that the orientations do not determine get the pseudo-inverse's zero in the solution and an infinite variance
-    in the covariance: with level sets the bias along the vertical of gravity's plane is told only through pitch and roll.
+    which has no singular pitch; normal equations N = AᵀC⁻¹A, solution -N⁻¹AᵀC⁻¹w (Porter's 3-13 lacks the inverse on C),
+    covariance N⁻¹. Directions that the orientations do not determine get the pseudo-inverse's zero in the solution and an
+    infinite variance in the covariance; weakly determined ones, such as the forward bias of sets that never pitch, a large one.
 
     References
     ----------

@@ -19,6 +19,7 @@ from deform.nav.error_model import WOBBLE_DEG, WOBBLE_M, compose
 from deform.nav.filter import Problem
 from deform.nav.first_state import first_state
 from deform.nav.sanity import check_motion
+from deform.nav.second_path import reckoning_difference
 from deform.nav.solution import Solution, solve
 from deform.nav.strapdown import Counts, epoch_bounds, preintegrate
 from deform.options import NavigationOptions
@@ -91,7 +92,7 @@ def navigate(
     return Navigation(
         line,
         product.marker_dataset(raw, passages, solution, line, remarks),
-        product.diagnostics_dataset(solution, aligned, None),
+        product.diagnostics_dataset(solution, aligned, reckoning_difference(solution)),
     )
 
 

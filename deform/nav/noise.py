@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -17,13 +18,19 @@ from deform.nav.strapdown import Epochs
 Floats = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
-LEARNING_EPOCHS = 2000
+LEARNING_EPOCHS = 3000
 LEAST_EPOCHS = 200
-_BOUNDS = ((math.radians(0.005), math.radians(3.0)), (math.radians(0.005), math.radians(3.0)), (0.5, 200.0), (1e-9, 1e-3))
+_BOUNDS = (
+    (math.radians(0.005), math.radians(3.0)),
+    (math.radians(0.005), math.radians(3.0)),
+    (0.5, 200.0),
+    (1e-9, 1e-3),
+    (1e-9, 1e-3),
+)
 
 
 def learn(problem: Problem) -> Problem:
-    """Return the problem with wobble (sigma right and up, length), ride density and odometer factor of greatest likelihood.
+    """Return the problem with wobble (sigma right and up, length), rides and odometer factor of greatest likelihood.
 
     Notes
     -----
@@ -39,7 +46,7 @@ def learn(problem: Problem) -> Problem:
     part = stretch(problem)
     if part is None or not part.model.index("wobble").stop:
         return problem
-    x = np.log([math.radians(0.1) / 6.0**1.5, math.radians(0.1) / 6.0**1.5, 6.0, RIDE_DENSITY])
+    x = np.log([math.radians(0.1) / 6.0**1.5, math.radians(0.1) / 6.0**1.5, 6.0, RIDE_DENSITY, RIDE_DENSITY])
     low, high = np.log(_BOUNDS).T
 
     def misfit(logs: Floats, along: float) -> float:
@@ -48,25 +55,29 @@ def learn(problem: Problem) -> Problem:
         return -float(run_forward(apply(part, values, along)).score.sum()) + 100.0 * float(beyond)
 
     along = _along(part, x, 1.0)
-    simplex = np.vstack([x, x + np.diag([0.5, 0.5, 0.4, 1.2])])
-    best = minimize(
-        misfit, x, (along,), "Nelder-Mead", options={"initial_simplex": simplex, "maxfev": 80, "xatol": 0.05, "fatol": 0.5}
-    )
-    along = _along(part, best.x, along)
-    values = _wobble(best.x)
-    log.info("wobble of the tool in the pipe %.3f degree right, %.3f up over %.1f m, ride %.1e m²/m, odometer's sigma times %.2f",
-             math.degrees(values[0]), math.degrees(values[1]), values[2], values[3], math.sqrt(along))  # fmt: skip
+    simplex = x[:4] + np.vstack([np.zeros(4), np.diag([0.5, 0.5, 0.4, 1.2])])
+    options = {"initial_simplex": simplex, "maxfev": 70, "xatol": 0.05, "fatol": 0.5}
+    best = minimize(lambda four: misfit(np.append(four, four[3]), along), x[:4], method="Nelder-Mead", options=options)
+    x = np.append(best.x, best.x[3])
+    x = _polished(misfit, x, along)
+    along = _along(part, x, along)
+    values = _wobble(x)
+    log.info("wobble of the tool in the pipe %.3f degree right, %.3f up over %.1f m, ride %.1e, %.1e m²/m, odometer's sigma x %.2f",
+             math.degrees(values[0]), math.degrees(values[1]), values[2], values[3], values[4], math.sqrt(along))  # fmt: skip
     return apply(problem, values, along)
 
 
 def apply(problem: Problem, wobble: Floats, along: float) -> Problem:
-    """Return the problem with wobble (sigma right, up, length; ride density) and a factor on the odometer's variance."""
+    """Return the problem with wobble (sigma right, up, length; rides) and a factor on the odometer's variance."""
     model = problem.model.with_wobble(wobble[0], wobble[1], wobble[2])
     variance = problem.start.variance.copy()
     here = model.index("wobble")
     variance[here] = model.variance[here]
     return replace(
-        problem, model=model, travel=problem.travel.with_noise(along, wobble[3]), start=replace(problem.start, variance=variance)
+        problem,
+        model=model,
+        travel=problem.travel.with_noise(along, wobble[3], wobble[4]),
+        start=replace(problem.start, variance=variance),
     )
 
 
@@ -92,8 +103,22 @@ def _wobble(logs: Floats) -> Floats:
 
     The data see the short waves, whose size is sigma / length^1.5, far better than sigma and length by themselves.
     """
-    right, up, reach, ride = np.exp(logs)
-    return np.array([right * reach**1.5, up * reach**1.5, reach, ride])
+    right, up, reach, ride, ride_up = np.exp(logs)
+    return np.array([right * reach**1.5, up * reach**1.5, reach, ride, ride_up])
+
+
+def _polished(misfit: Callable[[Floats, float], float], x: Floats, along: float) -> Floats:
+    """Each direction's ride and short waves once more by themselves: the simplex held one ride for both."""
+    x = x.copy()
+    for i in (3, 4, 0, 1):
+
+        def alone(value: float, i: int = i) -> float:
+            return misfit(np.where(np.arange(x.size) == i, value, x), along)
+
+        found = minimize_scalar(alone, bounds=(x[i] - 2.5, x[i] + 2.0), method="bounded", options={"xatol": 0.03, "maxiter": 10})
+        if found.fun < misfit(x, along):
+            x[i] = float(found.x)
+    return x
 
 
 def _along(part: Problem, logs: Floats, start: float) -> float:
