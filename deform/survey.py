@@ -197,7 +197,8 @@ def compare(runs: list[xr.DataTree], matching: Any, options: _options.Options, f
     from deform.change.trend import trends
 
     comparison = difference(runs, matching, options.change, progress=progress)
-    written = [store.write_dataset(comparison.dataset, folder / "comparison.nc", "comparison")]
+    stack = comparison.dataset.assign_attrs(line=str(runs[0].attrs.get("line", "")))
+    written = [store.write_dataset(stack, folder / "comparison.nc", "comparison")]
     tables = {"zones": comparison.zones, "dents": comparison.dents, "joints": comparison.joints}
     tables["trends"] = trends(comparison, options.trend)
     written += [store.write_table(frame, folder / "tables" / f"{name}.csv", name) for name, frame in tables.items()]

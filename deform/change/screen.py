@@ -90,7 +90,7 @@ def _one(folder: Path) -> tuple[list[dict], dict]:
     trends = store.read_table(folder / "tables" / "trends.csv", "trends")
     dents = store.read_table(folder / "tables" / "dents.csv", "dents")
     comparison = store.read_dataset(folder / "comparison.nc")
-    name = str(comparison.attrs.get("line") or folder.parent.name if folder.name == "out" else folder.name)
+    name = str(comparison.attrs.get("line") or (folder.parent.name if folder.name == "out" else folder.name))
     moved = zones[zones["kind"].isin(["movement", "bending"])]
     rows = [_row(name, trend, zones, dents) for trend in trends.to_dict("records")]
     rows += [
