@@ -73,8 +73,10 @@ def main() -> None:
     parser.add_argument("--samples", type=float, default=1e8)
     arguments = parser.parse_args()
     logging.disable(logging.CRITICAL)
-    curvature(int(arguments.samples))
-    comparison(arguments.kilometres, arguments.epochs)
+    if arguments.samples:
+        curvature(int(arguments.samples))
+    if arguments.kilometres:  # peak memory is that of the whole process: take --samples 0 to read it
+        comparison(arguments.kilometres, arguments.epochs)
 
 
 if __name__ == "__main__":
