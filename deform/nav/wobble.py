@@ -87,7 +87,8 @@ class WobbleModel:
         S_w S_n / (S_w + S_n) leaves, an Ornstein-Uhlenbeck process of that power here, and the wobble enters with its short waves
         only (poles at half the rate, same fall), lest it be counted twice. ``shift_sigma`` (m) is the tool's slow shift in the
         pipe. Unseen it has the shape of the wobble, for both come from how the tool rides on its cups, and ``shift_order`` is
-        that of the wobble; seen by a ring of arms it may have short waves of its own, and 1 lets them through.
+        that of the wobble; seen by a ring of arms it may have short waves of its own, and 1 lets them through. Its long waves are
+        then left free: the navigation has used the arms for them already.
         """
         p = self.order
         m = p + 2 + shift_order
@@ -100,7 +101,9 @@ class WobbleModel:
         error, length = self.path_error()
         A[p + 1, p + 1] = -1.0 / length
         push[p + 1, p + 1] = 2.0 * error**2 / length
-        rate = self.rate if shift_order > 1 else 0.5 * self.rate
+        rate = self.rate
+        if shift_order == 1:
+            rate, shift_sigma = 0.1 * self.rate, shift_sigma * math.sqrt(5.0)  # fall of a pole at half the rate
         _chain(A, p + 2, shift_order, rate)
         unit = solve_continuous_lyapunov(A[p + 2 :, p + 2 :], -_corner(shift_order))[0, 0]
         L[m - 1, m - 1] = shift_sigma**2 / unit
