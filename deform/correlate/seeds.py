@@ -13,7 +13,7 @@ from deform.correlate.length_model import length_density
 
 _LONG = 9  # joints of a window that must be found anywhere in the other run
 _SHORT = 4  # joints of a window that must be found near its expected place
-_WINDOWS = 64  # long windows that are looked for
+_WINDOWS = 64  # long windows that are looked for, at least
 _NOISE = 0.06  # metre, where nothing is known
 _CERTAIN = 150.0  # nats of a chain that leave no need to try the other direction
 _TOLERANCE = 0.22  # metre, of one joint's length
@@ -118,7 +118,8 @@ def _long_chain(x, y, least, most):
     if k < 3:
         return None
     information = _information(x)
-    starts = _window_starts(information, k, _WINDOWS, np.log(y.size) + 10.0)
+    blocks = max(_WINDOWS, x.size // 5000)
+    starts = _window_starts(information, k, blocks, np.log(y.size) + 10.0)
     all_b = np.full(starts.size, y.size)
     window, j, scale, misfit = search(
         x,

@@ -153,6 +153,22 @@ def test_a_weld_that_the_detector_doubts_and_nobody_else_shows_is_false():
     assert "0.20" in row["reason"]
 
 
+def test_a_doubted_weld_of_new_pipe_counts_when_the_joint_would_be_too_long_without_it():
+    rng = np.random.default_rng(15)
+    first = line(rng, 200, equal=0.1)
+    later = cut_out(rng, first, 100, 6, 7)
+    a, b = observe(rng, first, missed=0, false=0, noise=0.01), observe(rng, later, missed=0, false=0, noise=0.01)
+    new = np.flatnonzero(b.weld > first.weld.max())
+    lengths = np.diff(b.place)
+    doubted = int(new[np.argmax(lengths[new - 1] + lengths[new])])
+    probability = np.full(b.place.size, 0.97)
+    probability[doubted] = 0.4
+    welds = build.dataset("welds", {"chainage": b.place, "probability": probability})
+    matching = match_runs([run_of("a", a), build.run_tree({"id": "b", "date": "b", "source": "raw"}, welds=welds)])
+    row = matching.welds[(matching.welds["run"] == "b") & (matching.welds["index"] == doubted)].iloc[0]
+    assert row["status"] == "added"
+
+
 def test_doubled_and_unsorted_rows_are_said_and_survive(caplog):
     rng = np.random.default_rng(6)
     true = line(rng, 200)
