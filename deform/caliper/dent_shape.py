@@ -27,6 +27,8 @@ from deform.caliper.scans import ScanReader
 
 _FULLNESS, _FULLNESS_SIGMA, _FULLNESS_ALIKE = 2.2, 0.8, 0.4
 _ASPECT, _ASPECT_SIGMA = -0.2, 0.8  # log of width over length: real dents run from a third to six
+_MOST_READINGS = 6000  # of one dent; more are thinned
+_DEEPEST = 3.0  # times what one arm saw: no dent hides more of itself between two arms
 _LN10 = np.log(10.0)
 
 
@@ -102,9 +104,10 @@ def fit_dent(samples: DentSamples, centre: float, clock: float, depth: float, si
     sigma : standard deviation of one reading (m).
     """
     mean_radius = float(np.nanmedian(samples.radius))
+    spacing = 2 * np.pi * mean_radius / samples.radius.shape[1]
     half_sector = 0.75
     guess = np.array([depth, centre, 0.0, 0.25, 0.2, _FULLNESS, _FULLNESS])
-    solution = None
+    solution, clock_shift = None, 0.0
     for _ in range(3):
         seen = inward_departure(samples, clock, half_sector)
         if seen is None:
@@ -115,16 +118,27 @@ def fit_dent(samples: DentSamples, centre: float, clock: float, depth: float, si
         use &= np.abs(samples.place[:, None] - centre) < 1.2 * max(guess[3], 0.15)
         if use.sum() < 12:
             return None
+        pick = _some(int(use.sum()))
         along = np.broadcast_to(samples.place[:, None], use.shape)[use]
-        solution = _solve(along, around[use], inward[use], guess, sigma)
+        solution = _solve(along[pick], around[use][pick], inward[use][pick], guess, sigma, (_DEEPEST * depth, 1.25 * spacing))
         if solution is None:
             return None
         guess = solution.x.copy()
+        clock_shift = guess[2]
         clock += guess[2] / mean_radius
         centre = guess[1]
         guess[2] = 0.0
         half_sector = float(np.clip(0.75 * guess[4] / mean_radius, 0.35, 1.4))
-    return _result(solution, clock, mean_radius, sigma)
+    side = around[use] - clock_shift
+    peak = _peak_above_model(solution, along, side, inward[use], sigma, spacing)
+    return _result(solution, clock, mean_radius, sigma, peak)
+
+
+def _some(count: int) -> np.ndarray:
+    """Indices of at most `_MOST_READINGS` readings, drawn evenly but in no step with the arms."""
+    if count <= _MOST_READINGS:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(count).choice(count, _MOST_READINGS, replace=False))
 
 
 def shape(unknowns: np.ndarray, along: np.ndarray, around: np.ndarray) -> np.ndarray:
@@ -204,7 +218,10 @@ def _flank_section(samples: DentSamples, flank: np.ndarray) -> np.ndarray | None
     return section.T[:, :, None]
 
 
-def _solve(along: np.ndarray, around: np.ndarray, inward: np.ndarray, guess: np.ndarray, sigma: float):
+def _solve(
+    along: np.ndarray, around: np.ndarray, inward: np.ndarray, guess: np.ndarray, sigma: float, limits: tuple[float, float]
+):
+    """Fit the shape; limits are the greatest depth and the least width (m) that the arms can tell."""
     scale = 1.0 / sigma
 
     def misfit(x):
@@ -212,8 +229,8 @@ def _solve(along: np.ndarray, around: np.ndarray, inward: np.ndarray, guess: np.
         prior = [(x[5] - _FULLNESS) / _FULLNESS_SIGMA, (x[6] - x[5]) / _FULLNESS_ALIKE, aspect]
         return np.concatenate([(shape(x, along, around) - inward) * scale, prior])
 
-    low = [0.0, along.min(), around.min(), 0.02, 0.02, 1.0, 1.0]
-    high = [0.5, along.max(), around.max(), 5.0, 3.0, 6.0, 6.0]
+    low = [0.0, along.min(), around.min(), 0.02, min(limits[1], 0.5), 1.0, 1.0]
+    high = [limits[0], along.max(), around.max(), 5.0, 3.0, 6.0, 6.0]
     start = np.clip(guess, np.array(low) + 1e-6, np.array(high) - 1e-6)
     try:
         result = least_squares(
@@ -224,7 +241,24 @@ def _solve(along: np.ndarray, around: np.ndarray, inward: np.ndarray, guess: np.
     return result if result.success else None
 
 
-def _result(solution, clock: float, mean_radius: float, sigma: float) -> DentFit:
+def _peak_above_model(solution, along: np.ndarray, side: np.ndarray, inward: np.ndarray, sigma: float, spacing: float) -> float:
+    """What dense arms read at the apex above the smooth shape (m); 0 where the arms are too far apart to tell, or agree.
+
+    A sharp apex with raised shoulders, as rocks make it, is cut off by any smooth shape; where at least four arms stand
+    across the dent they are believed.
+    """
+    depth, centre, _, length, width, *_ = solution.x
+    if spacing > 0.25 * width:
+        return 0.0
+    near = (np.abs(along - centre) < 0.02 * length) & (np.abs(side) < 0.6 * spacing)
+    if near.sum() < 4:
+        return 0.0
+    model = shape(np.array([depth, centre, 0.0, length, width, solution.x[5], solution.x[6]]), along[near], side[near])
+    excess = float(np.mean(inward[near] - model))
+    return excess if excess > 4.0 * sigma / np.sqrt(near.sum()) and excess > 0.05 * depth else 0.0
+
+
+def _result(solution, clock: float, mean_radius: float, sigma: float, peak: float) -> DentFit:
     x, jacobian = solution.x, solution.jac
     covariance = np.linalg.pinv(jacobian.T @ jacobian)
     rows = len(solution.fun) - 3
@@ -233,11 +267,11 @@ def _result(solution, clock: float, mean_radius: float, sigma: float) -> DentFit
     return DentFit(
         centre=float(x[1]),
         clock=float(clock % (2 * np.pi)),
-        depth=float(x[0]),
+        depth=float(x[0] + peak),
         length=float(x[3]),
         width=float(x[4]),
         clock_sigma=float(said[2] / mean_radius),
-        depth_sigma=float(min(np.hypot(said[0], 0.3 * sigma), 0.6 * x[0])),
+        depth_sigma=float(min(np.hypot(said[0], 0.3 * sigma + 0.25 * peak), 0.6 * x[0])),
         length_sigma=float(said[3]),
         width_sigma=float(said[4]),
         mean_radius=mean_radius,
