@@ -25,6 +25,10 @@ from deform.run import build, history
 
 log = logging.getLogger(__name__)
 Floats = NDArray[Any]
+_DATUM_COMMENT = (
+    "relative to the pipe that is judged stable; a movement that is longer or smaller than tables/limits.csv says can be found"
+    " is taken for drift of the runs and does not show here"
+)
 _DISPLACEMENT = ("east", "north", "up", "lateral", "axial")
 
 
@@ -256,5 +260,7 @@ class _Values:
         for variable in ds.data_vars:
             if str(variable).startswith(("curvature_change", "bending_strain_change")):
                 ds[variable].attrs["gauge_length_m"] = gauge
+            if str(variable).startswith("displacement"):
+                ds[variable].attrs["comment"] = _DATUM_COMMENT
         history.append(ds.attrs, f"{len(names)} runs compared with {reference}")
         return ds
