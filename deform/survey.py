@@ -174,6 +174,8 @@ def compare_runs(survey: Survey, ledger: Ledger, paths: list[Path], key: str) ->
     with ledger.stage("match", match_key) as record:
         matching = match(runs, survey.options, reference=survey.reference, locks=survey.locks, folder=survey.folder)
         ledger.outputs(record, [survey.folder / "tables" / "welds.csv"])  # compare completes the joints
+    with ledger.stage("doglegs", match_key) as record:
+        ledger.outputs(record, [write_doglegs(runs, survey.options, survey.folder)])
     with ledger.stage("compare", compare_key) as record:
         written = compare(runs, matching, survey.options, survey.folder, progress=ledger.ticker("compare"))
         ledger.outputs(record, written)
@@ -205,6 +207,21 @@ def compare(runs: list[xr.DataTree], matching: Any, options: _options.Options, f
     if comparison.limits is not None:
         written.append(_write_frame(comparison.limits, folder / "tables" / "limits.csv"))
     return written
+
+
+def write_doglegs(runs: list[xr.DataTree], options: _options.Options, folder: Path) -> Path:
+    """Write ``tables/doglegs.csv``: the bends, and the deflections at welds, tees and valves, of every run with a centreline."""
+    from deform.strain.doglegs import doglegs
+
+    found = []
+    for run in runs:
+        if "centreline" in run.children and "curvature_horizontal" in run["centreline"]:
+            groups = {name: run[name].to_dataset() for name in ("welds", "features") if name in run.children}
+            size = float(run.attrs["outside_diameter_m"])
+            table = doglegs(run["centreline"].to_dataset(), outside_diameter=size, options=options.strain, **groups)
+            found.append(table.assign(run=run.attrs["id"]))
+    frame = pd.concat(found, ignore_index=True) if found else pd.DataFrame()
+    return store.write_table(frame, folder / "tables" / "doglegs.csv", "doglegs")
 
 
 def _write_frame(frame: pd.DataFrame | xr.Dataset, path: Path) -> Path:

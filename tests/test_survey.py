@@ -93,6 +93,13 @@ def test_report_of_the_demo_names_the_line_and_loads_nothing_from_outside(demo_o
     assert 'href="http' not in page.split("</head>")[0]
 
 
+def test_table_of_doglegs_holds_the_induction_bends_of_every_run(demo_out):
+    table = store.read_table(demo_out / "tables" / "doglegs.csv", "doglegs")
+    bends = table[(table.kind == "bend") & (table[["angle_horizontal_deg", "angle_vertical_deg"]].abs().max(axis=1) > 10)]
+    assert (bends.groupby("run").size() == 2).all()  # the line has two, 5 diameters in radius
+    assert set(bends.run) == {"demo-2019", "demo-2021", "demo-2023"}
+
+
 def test_second_run_takes_over_what_is_complete(demo_out):
     seen = []
     run_survey(read_survey(demo_out.parent / "survey.toml"), progress=lambda *event: seen.append(event))
