@@ -187,6 +187,7 @@ def _best_path(warped, b, i, j, known, half, model, ev):
     Where the path touches the edge of its band, the band is laid anew about the path, and wider each time.
     """
     lists = model.lists(warped, b, *_offsets(warped, b, *known))
+    about = _NARROW
     while True:
         strip = band(warped.size, b.size, i, j, half)
         best, back, unit = _kernels.fill(lists, strip, model.rates, ev)
@@ -195,7 +196,8 @@ def _best_path(warped, b, i, j, known, half, model, ev):
             return partner, moves, half
         i = np.flatnonzero(partner >= 0)
         j = partner[i]
-        half = half + 1 if half < 16 else 2 * half
+        about = about + 1 if about < 16 else 2 * about
+        half = about
 
 
 def _offsets(warped, b, i, j):
