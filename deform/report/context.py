@@ -11,11 +11,11 @@ import xarray as xr
 
 from deform.options import ReportOptions
 from deform.report.content import Content, records
+from deform.report.features import feature_rows
+from deform.report.words import NOTHING, compass, microstrain, number, percent, with_sigma
 from deform.run.history import toolkit_version
 from deform.units import clock_text
 
-_COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
-NOTHING = "–"
 _DENT_WORDS = {
     "grown": "grown",
     "new": "new",
@@ -24,35 +24,6 @@ _DENT_WORDS = {
     "copied": "copied forward by the vendor, so not measured anew",
     "unmeasured": "not measured",
 }
-
-
-def number(value: Any, decimals: int = 2, unit: str = "", sign: bool = False) -> str:
-    """Return a number for people; a dash for what is not there."""
-    if value is None or pd.isna(value):
-        return NOTHING
-    text = f"{float(value):{'+' if sign else ''},.{decimals}f}".replace(",", "\u202f").replace("-", "\u2212")
-    return f"{text}\u00a0{unit}" if unit else text
-
-
-def with_sigma(value: Any, sigma: Any, decimals: int = 2, unit: str = "", sign: bool = False) -> str:
-    """Return ``value ± sigma unit``."""
-    if value is None or pd.isna(value):
-        return NOTHING
-    tail = "" if sigma is None or pd.isna(sigma) else f" ± {number(sigma, decimals)}"
-    return f"{number(value, decimals, sign=sign)}{tail}" + (f"\u00a0{unit}" if unit else "")
-
-
-def microstrain(value: Any, sigma: Any = None, sign: bool = False) -> str:
-    """Return a strain (1) in microstrain."""
-    scaled = [None if v is None or pd.isna(v) else float(v) * 1e6 for v in (value, sigma)]
-    return with_sigma(scaled[0], scaled[1], 0, "µε", sign)
-
-
-def compass(azimuth: Any) -> str:
-    """Return an azimuth (degree) with its word."""
-    if azimuth is None or pd.isna(azimuth):
-        return NOTHING
-    return f"{float(azimuth) % 360:.0f}° ({_COMPASS[round(float(azimuth) % 360 / 45) % 8]})"
 
 
 def build_context(content: Content, options: ReportOptions) -> dict[str, Any]:
@@ -144,13 +115,6 @@ def zone_rows(content: Content, options: ReportOptions) -> list[dict[str, Any]]:
         )
     rows.sort(key=lambda r: (r["kind"] == "reconfiguration", np.inf if r["rank_given"] is None else r["rank_given"], -r["size"]))
     return [row | {"rank": i + 1} for i, row in enumerate(rows)]
-
-
-def percent(probability: float) -> str:
-    """Return a probability in percent, never called certain."""
-    if probability > 0.999:
-        return "> 99.9 %"
-    return f"{100 * probability:.0f} %" if probability < 0.99 else f"{100 * probability:.1f} %"
 
 
 def trend_sentence(rows: pd.DataFrame, *, sure: bool = False) -> str:
@@ -310,35 +274,6 @@ def _extremes(content: Content) -> list[str]:
             f"Largest {title}: {show(float(ds[name].values[i]))} at {number(ds['chainage'].values[i], 1, 'm')}, bends included."
         )
     return said
-
-
-def feature_rows(content: Content) -> dict[str, Any]:
-    """Return how many features of which kind every run holds, and the features of the last run that holds any."""
-    counts: dict[str, dict[str, int]] = {}
-    last: dict[str, Any] = {"run": "", "rows": []}
-    for run in content.ids:
-        ds = content.group(run, "features")
-        if ds is None or not ds.sizes.get("feature"):
-            continue
-        kinds, number_of = np.unique(ds["kind"].values.astype(str), return_counts=True)
-        for kind, n in zip(kinds, number_of, strict=True):
-            counts.setdefault(str(kind), {})[run] = int(n)
-        last = {"run": run, "rows": _features(ds)}
-    table = [(kind, [str(row.get(run, NOTHING)) for run in content.ids]) for kind, row in sorted(counts.items())]
-    return {"counts": table, "runs": content.ids, **last}
-
-
-def _features(ds: xr.Dataset) -> list[list[Any]]:
-    columns = []
-    for name in ("chainage", "chainage_end", "kind", "clock", "value", "text", "label"):
-        values = ds[name].values if name in ds else np.full(ds.sizes["feature"], "" if name in ("text", "label") else np.nan)
-        columns.append(values)
-    rows = []
-    for start, end, kind, clock, value, text, label in zip(*columns, strict=True):
-        hour = clock_text(float(clock)) if np.isfinite(clock) else None
-        sizes = [None if not np.isfinite(v) else round(float(v), 4) for v in (start, end, value)]
-        rows.append([sizes[0], sizes[1], str(kind), hour, sizes[2], str(text), str(label)])
-    return rows
 
 
 def _peaks(moved: list[dict]) -> list[str]:

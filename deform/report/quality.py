@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 
 from deform.report.content import Content
-from deform.report.context import NOTHING, number, with_sigma
+from deform.report.words import NOTHING, number, with_sigma
 
 _CONTRACT = ("zones", "dents", "trends", "joints", "welds")
 _TITLES = {

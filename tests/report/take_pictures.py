@@ -50,7 +50,7 @@ def small(path: Path) -> None:
     picture = Image.open(path).convert("RGB")
     if picture.width > 1000:
         picture = picture.resize((picture.width * 2 // 3, picture.height * 2 // 3), Image.Resampling.LANCZOS)
-    picture.quantize(96).save(path, optimize=True)
+    picture.quantize(200, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def _print(pdf: Path, target: Path) -> None:
@@ -62,7 +62,7 @@ def _print(pdf: Path, target: Path) -> None:
         sheet = Image.new("RGB", (4 * width + 50, 2 * height + 30), "#888888")
         for i, page in enumerate(pages):
             sheet.paste(page, (10 + (i % 4) * (width + 10), 10 + (i // 4) * (height + 10)))
-        sheet.quantize(96).save(target, optimize=True)
+        sheet.quantize(200, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(target, optimize=True)
 
 
 if __name__ == "__main__":

@@ -16,8 +16,9 @@ from deform.errors import InputError, OptionError
 from deform.options import ReportOptions
 from deform.report import write_report
 from deform.report.content import read_content, wall_window
-from deform.report.context import build_context, microstrain, number, percent, with_sigma
+from deform.report.context import build_context
 from deform.report.series import pack, thinned, unpack
+from deform.report.words import microstrain, number, percent, with_sigma
 from deform.run import store
 from tests.report.fabricate import OD, WALL, write_folder
 
