@@ -95,7 +95,7 @@ def test_report_of_the_demo_names_the_line_and_loads_nothing_from_outside(demo_o
 
 def test_table_of_doglegs_holds_the_induction_bends_of_every_run(demo_out):
     table = store.read_table(demo_out / "tables" / "doglegs.csv", "doglegs")
-    bends = table[(table.kind == "bend") & (table[["angle_horizontal_deg", "angle_vertical_deg"]].abs().max(axis=1) > 10)]
+    bends = table[(table.kind == "bend") & (table[["angle_horizontal_deg", "angle_vertical_deg"]].abs().max(axis=1) > 25)]
     assert (bends.groupby("run").size() == 2).all()  # the line has two, 5 diameters in radius
     assert set(bends.run) == {"demo-2019", "demo-2021", "demo-2023"}
 
