@@ -20,6 +20,7 @@ log = logging.getLogger(__name__)
 
 LEARNING_EPOCHS = 3000
 LEAST_EPOCHS = 200
+LEAST_RIDE = 1e-7  # m² per m: below it a tool could not bounce by a millimetre over ten metres
 _BOUNDS = (
     (math.radians(0.005), math.radians(3.0)),
     (math.radians(0.005), math.radians(3.0)),
@@ -76,7 +77,7 @@ def apply(problem: Problem, wobble: Floats, along: float) -> Problem:
     return replace(
         problem,
         model=model,
-        travel=problem.travel.with_noise(along, wobble[3], wobble[4]),
+        travel=problem.travel.with_noise(along, max(wobble[3], LEAST_RIDE), max(wobble[4], LEAST_RIDE)),
         start=replace(problem.start, variance=variance),
     )
 
