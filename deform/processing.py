@@ -81,8 +81,10 @@ def process_raw(
     line = centreline(navigation, raw.header, options.navigation, pose=caliper.pose)
     line = add_bending(line, outside_diameter=pipe.outside_diameter_m, options=options.strain)
     dents = caliper.dents
-    if caliper.wall is not None:
-        line = line.assign(on_chainage(caliper, line["chainage"].values))
+    shape = on_chainage(caliper, line["chainage"].values)
+    if shape is not None:
+        line = line.assign(shape)
+        line["ovality"].attrs["definition"] = shape.attrs["definition"]
     if dents is not None:
         size, wall = pipe.outside_diameter_m, pipe.nominal_wall_m
         dents = add_dent_strain(dents, caliper.wall, outside_diameter=size, wall_thickness=wall, options=options.dent_strain)
