@@ -111,7 +111,7 @@ def main(hours: float = 2.0) -> None:
     after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     sigma = float(np.hypot(found.trajectory["east_sigma"], found.trajectory["north_sigma"]).mean())
     print(
-        f"navigation {hours:g} h, {n / 1e6:.1f} M samples: {seconds:.1f} s, {work:.1f} s of processor, {seconds / n * 1e6:.2f} µs a sample"
+        f"{hours:g} h, {n / 1e6:.1f} M samples: {seconds:.1f} s, {work:.1f} s of processor, {seconds / n * 1e6:.2f} µs a sample"
     )
     print(f"peak {after / 2**20:.2f} GB ({before / 2**20:.2f} GB before), mean horizontal sigma {sigma:.2f} m")
 

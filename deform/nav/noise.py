@@ -63,7 +63,7 @@ def learn(problem: Problem) -> Problem:
     x = _polished(misfit, x, along)
     along = _along(part, x, along)
     values = _wobble(x)
-    log.info("wobble of the tool in the pipe %.3f degree right, %.3f up over %.1f m, ride %.1e, %.1e m²/m, odometer's sigma x %.2f",
+    log.info("wobble of the tool %.3f degree right, %.3f up over %.1f m, ride %.1e, %.1e m²/m, odometer's sigma x %.2f",
              math.degrees(values[0]), math.degrees(values[1]), values[2], values[3], values[4], math.sqrt(along))  # fmt: skip
     return apply(problem, values, along)
 

@@ -97,7 +97,8 @@ def test_compensation_takes_off_what_was_put_on():
     known = Coefficients(gyro_drift=(1e-6, -2e-6, 3e-6), gyro_scale=(1e-3, 0.0, -1e-3), gyro_scale_asymmetry=(0.0, 2e-3, 0.0),
                          mass_unbalance_spin=(1e-6, 0.0, 0.0), mass_unbalance_input=(0.0, 0.0, 1e-6),
                          spin_axis=(1, 2, 0),
-                         accel_bias=(1e-3, 0.0, -1e-3), accel_scale=(0.0, 1e-3, 0.0), accel_scale_asymmetry=(0.0, 0.0, 1e-3))  # fmt: skip
+                         accel_bias=(1e-3, 0.0, -1e-3), accel_scale=(0.0, 1e-3, 0.0),
+                         accel_scale_asymmetry=(0.0, 0.0, 1e-3))  # fmt: skip
     imu = ImuHeader(rate_hz=10.0, sensor_to_body=((0, -1, 0), (1, 0, 0), (0, 0, 1)))
     gyro, accel = np.array([[1000, -2000, 3000]], np.int32), np.array([[500, 600, -9000]], np.int32)
     found, force = compensated_increments(gyro, accel, 1e-6, 1e-4, [0.1], compensation_table(imu, known))
