@@ -11,7 +11,8 @@ from scipy.special import logsumexp
 _CELL_M = 0.01
 _BAND_M = 0.05  # width of the kernel of the length density
 _ANY = 0.1  # share of joints of any length (pups, cut joints)
-_SHORTEST_M = 0.3
+_SHORTEST_M = 0.6  # pups that are laid; a piece is rarely cut shorter than the pipe is wide
+_STUB = 1e-3  # share of pieces shorter than that
 _GAP = 1e-4  # share of stretches longer than any joint: welds that no channel saw
 _LOOK_BACK = 12  # candidates
 _SURE = 0.95
@@ -30,9 +31,10 @@ def with_joint_lengths(place: np.ndarray, probability: np.ndarray, nominal_joint
     Notes
     -----
     Welds form a renewal chain: between neighbours stands p(L) / (rho exp(-rho L)), the density of joint lengths learned from
-    the sure welds of this run over the one that random welds would have. Forward and backward sums over all subsets of the
-    candidates give the posterior of each. A false event splits a joint into two unlikely ones; a doubtful weld that divides
-    a stretch of twice the usual length is believed.
+    the sure welds of this run over the one that random welds would have; pieces shorter than any pup are not learned, and
+    are given a thousandth of all joints. Forward and backward sums over all subsets of the candidates give the posterior of
+    each. A false event splits a joint into two unlikely ones; a doubtful weld that divides a stretch of twice the usual
+    length is believed.
     """
     n = place.size
     sure = np.flatnonzero(probability > _SURE)
@@ -68,7 +70,9 @@ def _length_score(lengths: np.ndarray, longest: float) -> Callable[[np.ndarray],
         known = np.where(cell < cells, near[np.minimum(cell, cells - 1)], 0.0)
         inside = (length > _SHORTEST_M) & (length <= 1.05 * longest)
         random = rate * np.exp(-rate * length)
-        density = (1.0 - _ANY - _GAP) * known + _ANY * inside / longest + _GAP * random
+        known = np.where(length > _SHORTEST_M, known, 0.0)
+        stub = _STUB * (length <= _SHORTEST_M) / _SHORTEST_M
+        density = (1.0 - _ANY - _STUB - _GAP) * known + _ANY * inside / longest + stub + _GAP * random
         return np.log(density) - np.log(random)
 
     return score

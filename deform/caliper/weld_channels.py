@@ -10,12 +10,10 @@ import xarray as xr
 from deform.caliper._kernels import bead_and_step
 from deform.caliper.cross_section import ScanLog
 from deform.caliper.weld_hits import hit_centre, hit_score
+from deform.caliper.weld_shape import BEAD_HALF_M, FLANK_M, LEAST_ARM_SCORE, bead_centre, edge, is_narrow
 from deform.run.raw import RawRun
 
 HEARD = 100.0  # score of a detector that fired; it has no other
-_BEAD_HALF_M = 0.03  # a weld bead is not longer than twice this
-_FLANK_M = 0.25  # wall on either side against which a bead or a step is seen
-_LEAST_ARM_SCORE = 4.0  # sigma; lower kicks are too many to be listed
 _LEAST_STEP_SCORE = 8.0  # sigma; the wall also waves by itself over such lengths
 _LEAST_HIT_SCORE = 5.0  # sigma of the accelerometers' own noise over the same seconds
 _LEAST_TRACE = 1.5  # sigma; weaker traces are not kept
@@ -47,10 +45,7 @@ class Channel:
 
     def covers(self, place: np.ndarray) -> np.ndarray:
         """True where the channel was listening."""
-        inside = np.zeros(np.shape(place), bool)
-        for start, stop in self.covered:
-            inside |= (place >= start) & (place <= stop)
-        return inside
+        return _inside(np.asarray(place), self.covered)
 
     def moved(self, shift: float) -> Channel:
         """The same channel with all places shifted (m)."""
@@ -66,21 +61,16 @@ class Channel:
 
     def without(self, spans: np.ndarray) -> Channel:
         """The channel deaf in the given spans (n, 2) m, such as dents that look like beads."""
-        place_in, axis_in = (np.zeros(a.shape, bool) for a in (self.place, self.axis))
-        covered = self.covered
-        for start, stop in spans:
-            place_in |= (self.place >= start) & (self.place <= stop)
-            axis_in |= (self.axis >= start) & (self.axis <= stop)
-            covered = np.array([p for a, b in covered for p in ((a, min(b, start)), (max(a, stop), b)) if p[1] > p[0]]).reshape(
-                -1, 2
-            )
+        spans = _united(np.asarray(spans, float).reshape(-1, 2))
+        place_in, axis_in = _inside(self.place, spans), _inside(self.axis, spans)
         return replace(
             self,
             place=self.place[~place_in],
             score=self.score[~place_in],
+            sigma=self.sigma[~place_in],
             axis=self.axis[~axis_in],
             level=self.level[~axis_in],
-            covered=covered,
+            covered=_outside(self.covered, spans),
         )
 
 
@@ -98,7 +88,13 @@ def detector_channel(raw: RawRun, trajectory: xr.Dataset) -> Channel | None:
 
 
 def arms_channel(log: ScanLog) -> Channel | None:
-    """Weld beads and wall steps in the mean radius of a ring, each at the ring's own chainage."""
+    """Weld beads and wall steps in the mean radius of a ring, each at the ring's own chainage.
+
+    Notes
+    -----
+    A bead is a narrow inward kick that returns on both sides; a step is believed when the wall keeps its level on both sides
+    as pipes do. At the edge of a recess and in a collar the arms have nothing to say for or against a weld: they are deaf.
+    """
     good = np.flatnonzero(log.good)
     if good.size < 100:
         return None
@@ -107,50 +103,28 @@ def arms_channel(log: ScanLog) -> Channel | None:
     place, radius = place[order], log.radius[good][order]
     bead, step = np.empty(place.size, np.float32), np.empty(place.size, np.float32)
     noise = 1.4826 * np.median(np.abs(np.diff(radius))) / np.sqrt(2.0)
-    bead_and_step(place, radius, max(noise, 1e-6), _BEAD_HALF_M, _FLANK_M, bead, step)
+    bead_and_step(place, radius, max(noise, 1e-6), BEAD_HALF_M, FLANK_M, bead, step)
     bead /= max(_robust(bead), 1.0)
     step /= max(_robust(step), 1.0)
-    edges = local_peaks(place, step, _LEAST_STEP_SCORE, 2 * _FLANK_M)
-    beads = local_peaks(place, bead, _LEAST_ARM_SCORE, 0.1)
-    events = [_edge(place, radius, step, bead, int(i)) for i in edges]
+    edges = [edge(place, radius, step, bead, int(i)) for i in local_peaks(place, step, _LEAST_STEP_SCORE, 2 * FLANK_M)]
+    events = [event for event, _ in edges if event is not None]
+    other = [centre for event, centre in edges if event is None]
     taken = np.array([e[0] for e in events])
-    alone = [int(i) for i in beads if not taken.size or np.abs(taken - place[i]).min() > 2 * _BEAD_HALF_M]
-    events += [(_bead_centre(place, radius, i), float(bead[i]), 0.0) for i in alone]
+    for i in local_peaks(place, bead, LEAST_ARM_SCORE, 0.1):
+        if taken.size and np.abs(taken - place[i]).min() <= 2 * BEAD_HALF_M:
+            continue
+        if is_narrow(place, radius, int(i)):
+            events.append((bead_centre(place, radius, int(i)), float(bead[i]), 0.0))
+        else:
+            other.append(float(place[i]))
     events.sort()
     table = np.array(events).reshape(-1, 3)
     level = bead.copy()
     at = np.minimum(np.searchsorted(place, table[:, 0]), place.size - 1)
     level[at] = np.maximum(level[at], table[:, 1])
     heard = level > _LEAST_TRACE
-    return Channel("arms", table[:, 0], table[:, 1], table[:, 2], place[heard], level[heard], _stretches(place))
-
-
-def _edge(place: np.ndarray, radius: np.ndarray, step: np.ndarray, bead: np.ndarray, i: int) -> tuple[float, float, float]:
-    """Place, score and sigma of a wall step near scan ``i``: its bead where one shows, else the split that fits best."""
-    first, last = np.searchsorted(place, [place[i] - _FLANK_M, place[i] + _FLANK_M])
-    size = last - first
-    value = radius[first:last] - radius[first:last].mean()
-    left = np.arange(2, size - 1)
-    gain = np.cumsum(value)[left - 1] ** 2 * size / (left * (size - left))
-    split = first + int(left[np.argmax(gain)])
-    centre = 0.5 * (place[split - 1] + place[split])
-    near = slice(*np.searchsorted(place, [centre - 2 * _BEAD_HALF_M, centre + 2 * _BEAD_HALF_M]))
-    best = near.start + int(np.argmax(bead[near]))
-    if bead[best] >= _LEAST_ARM_SCORE:
-        return _bead_centre(place, radius, best), float(max(step[i], bead[best])), 0.0
-    jump = abs(radius[split:last].mean() - radius[first:split].mean())
-    noise = max(float(np.std(value)), 1e-6)
-    pitch = (place[last - 1] - place[first]) / max(size - 1, 1)
-    return float(centre), float(step[i]), float(pitch * (0.5 + (noise / max(jump, 1e-6)) ** 2))
-
-
-def _bead_centre(place: np.ndarray, radius: np.ndarray, i: int) -> float:
-    """Centre of gravity of the metal that stands in over its flanks around scan ``i`` (m)."""
-    first, last = np.searchsorted(place, [place[i] - _BEAD_HALF_M, place[i] + _BEAD_HALF_M])
-    wide = [np.searchsorted(place, place[i] + d) for d in (-_FLANK_M, -_BEAD_HALF_M, _BEAD_HALF_M, _FLANK_M)]
-    level = min(np.median(radius[wide[0] : wide[1]]), np.median(radius[wide[2] : wide[3]]))
-    drop = np.maximum(level - radius[first:last], 0.0)
-    return float(np.sum(drop * place[first:last]) / np.sum(drop)) if drop.sum() > 0 else float(place[i])
+    channel = Channel("arms", table[:, 0], table[:, 1], table[:, 2], place[heard], level[heard], _stretches(place))
+    return channel.without(_around(np.array(other), table[:, 0]))
 
 
 def accelerometer_channel(raw: RawRun, trajectory: xr.Dataset) -> Channel | None:
@@ -229,3 +203,40 @@ def _stretches(place: np.ndarray, gap: float = 0.2) -> np.ndarray:
     """Stretches of an axis without gaps."""
     cuts = np.flatnonzero(np.diff(place) > gap)
     return np.stack([place[np.concatenate([[0], cuts + 1])], place[np.concatenate([cuts, [place.size - 1]])]], axis=1)
+
+
+def _around(centres: np.ndarray, events: np.ndarray) -> np.ndarray:
+    """Spans (m, 2) of two bead widths about the centres (m), cut back to leave events (m) that stand within their reach."""
+    reach = np.full(centres.size, 4 * BEAD_HALF_M)
+    if events.size:
+        right = np.clip(np.searchsorted(events, centres), 0, events.size - 1)
+        nearest = np.minimum(np.abs(events[right] - centres), np.abs(events[np.maximum(right - 1, 0)] - centres))
+        reach = np.minimum(reach, nearest - BEAD_HALF_M)
+    use = reach > 0.0
+    return np.stack([centres - reach, centres + reach], axis=1)[use]
+
+
+def _united(spans: np.ndarray) -> np.ndarray:
+    """The same ground as spans that rise and do not overlap."""
+    if not len(spans):
+        return spans
+    spans = spans[np.argsort(spans[:, 0], kind="stable")]
+    reach = np.maximum.accumulate(spans[:, 1])
+    first = np.concatenate([[0], np.flatnonzero(spans[1:, 0] > reach[:-1]) + 1])
+    return np.stack([spans[first, 0], reach[np.append(first[1:] - 1, len(spans) - 1)]], axis=1)
+
+
+def _inside(place: np.ndarray, spans: np.ndarray) -> np.ndarray:
+    """True where a place lies in one of the spans, which rise and do not overlap."""
+    if not len(spans):
+        return np.zeros(place.shape, bool)
+    at = np.searchsorted(spans[:, 0], place, side="right") - 1
+    return (at >= 0) & (place <= spans[np.maximum(at, 0), 1])
+
+
+def _outside(covered: np.ndarray, spans: np.ndarray) -> np.ndarray:
+    """What is left of the stretches without the spans."""
+    points = np.unique(np.concatenate([covered.ravel(), spans.ravel()]))
+    middle = 0.5 * (points[1:] + points[:-1])
+    keep = _inside(middle, covered) & ~_inside(middle, spans)
+    return np.stack([points[:-1], points[1:]], axis=1)[keep]

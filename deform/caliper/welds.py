@@ -51,10 +51,13 @@ def weld_log(channels: list[Channel], trajectory: xr.Dataset, cluster: float = 0
     Notes
     -----
     Hypotheses of a candidate: a girth weld, seen by each channel with its own distribution of scores; or a false event of
-    one channel while all others show their background (sampled away from all events). The distributions of scores of welds
-    and the rates of false events of each channel are learned from the run itself by expectation and maximization, with weak
-    priors, so a poor detector or deaf accelerometers lower their own weight. The place is the weighted mean of the channels
-    after their constant shifts against each other were taken out; each channel's sigma comes from the pairwise differences.
+    one kind of channel while all others show their background (sampled away from all events). Two rings are of one kind and
+    see the same steel: what fools one fools both, so their log likelihoods are averaged, not added. The distributions of
+    scores of welds and the rates of false events of each channel are learned from the run itself by expectation and
+    maximization, with weak priors, so a poor detector or deaf accelerometers lower their own weight. A rate is learned only
+    where another kind listened too: of a single kind nothing but the prior can tell false events from welds. The place is
+    the weighted mean of the channels after their constant shifts against each other were taken out; each channel's sigma
+    comes from the pairwise differences.
     """
     channels = [c for c in channels if c is not None]
     if not channels:
@@ -171,27 +174,64 @@ def _probability(
     weld_share = [_weld_share(_SEEN, np.log(_MEDIAN), _SPREAD, b) for b in background]
     fading = [_fading(c) for c in channels]
     rates = [_FALSE_PER_M * f for f in fading]
+    kinds = _kinds(channels)
+    weight = _weights(kinds, found.covered)
+    contested = _contested(kinds, found.covered)
     density = 1.0 / nominal_joint
     probability = np.full(found.place.size, 0.5)
     for _ in range(_ROUNDS):
         weld = np.full(found.place.size, np.log(density))
         silent = np.zeros(found.place.size)
         for k, level in enumerate(classes):
-            weld += np.where(found.covered[k], np.log(weld_share[k][level]), 0.0)
-            silent += np.where(found.covered[k], np.log(background[k][level]), 0.0)
-        alone = [np.log(rates[k][c]) + silent - np.log(background[k][c]) for k, c in enumerate(classes)]
-        false = np.stack([np.where(f, a, -np.inf) for f, a in zip(fired, alone, strict=True)])
+            weld += weight[k] * np.log(weld_share[k][level])
+            silent += weight[k] * np.log(background[k][level])
+        false = np.stack([_false_event(kind, classes, fired, weight, rates, background, silent) for kind in kinds])
         total = np.logaddexp.reduce(false, axis=0)
         before, probability = probability, 1.0 / (1.0 + np.exp(np.clip(total - weld, -700.0, 700.0)))
         blame = np.exp(false - np.where(np.isfinite(total), total, 0.0)) * (1.0 - probability)
+        blame = blame[[next(m for m, kind in enumerate(kinds) if k in kind) for k in range(len(channels))]]
         density = (probability.sum() + 1.0) / (span + nominal_joint)
         for k, level in enumerate(classes):
             weld_share[k] = _learned(found.traces[k], np.where(found.covered[k], probability, 0.0), background[k])
-            events = np.bincount(level, blame[k], _LEVELS.size + 1)
-            rates[k] = (events + 0.25 * fading[k]) / (span + 0.25 / _FALSE_PER_M)
+            events = np.bincount(level, np.where(contested[k], blame[k], 0.0), _LEVELS.size + 1)
+            rates[k] = (events + 0.25 * fading[k]) / (span * contested[k].mean() + 0.25 / _FALSE_PER_M)
         if np.abs(probability - before).max() < 1e-6:
             break
     return probability
+
+
+def _kinds(channels: list[Channel]) -> list[list[int]]:
+    """Indices of the channels of each kind: two rings are one kind, for they see the same steel."""
+    names = [c.name for c in channels]
+    return [[k for k, name in enumerate(names) if name == kind] for kind in dict.fromkeys(names)]
+
+
+def _weights(kinds: list[list[int]], covered: list[np.ndarray]) -> list[np.ndarray]:
+    """Weight of each channel's evidence at each candidate: the channels of a kind that were listening share one vote."""
+    weight = [np.zeros(c.shape) for c in covered]
+    for kind in kinds:
+        listening = np.sum([covered[k] for k in kind], axis=0)
+        for k in kind:
+            weight[k] = covered[k] / np.maximum(listening, 1)
+    return weight
+
+
+def _contested(kinds: list[list[int]], covered: list[np.ndarray]) -> list[np.ndarray]:
+    """Where each channel listened together with one of another kind: only there can false events be told from welds."""
+    result = [np.zeros(c.shape, bool) for c in covered]
+    for kind in kinds:
+        others = [covered[k] for other in kinds if other is not kind for k in other]
+        for k in kind:
+            result[k] = covered[k] & np.any(others, axis=0) if others else result[k]
+    return result
+
+
+def _false_event(kind, classes, fired, weight, rates, background, silent: np.ndarray) -> np.ndarray:
+    """Log of the rate of events that all channels of one kind make of one cause, while the others show their background."""
+    total = silent.copy()
+    for k in kind:
+        total += weight[k] * (np.log(rates[k][classes[k]]) - np.log(background[k][classes[k]]))
+    return np.where(np.any([fired[k] for k in kind], axis=0), total, -np.inf)
 
 
 def _weld_share(seen: float, middle: float, spread: float, background: np.ndarray) -> np.ndarray:
