@@ -32,3 +32,9 @@ def demo() -> Path:
 def real() -> Path:
     """Real recorded data."""
     return _folder("data", "real")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The long groups first, so that with two workers none of them is left for the end."""
+    long = ("tests/test_wheel.py", "tests/test_survey.py")
+    items.sort(key=lambda item: next((i for i, name in enumerate(long) if item.nodeid.startswith(name)), len(long)))
