@@ -11,7 +11,7 @@ demo: $(STAMP)
 	$(BIN)/deform demo demo-out
 
 test: $(STAMP) system
-	$(BIN)/python -m pytest -n auto --dist loadgroup --durations=15
+	$(BIN)/python -m pytest -n auto --dist loadfile --durations=15
 
 check: $(STAMP)
 	$(BIN)/ruff check .
