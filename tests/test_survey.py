@@ -16,7 +16,6 @@ from deform.survey import run_survey
 from deform.survey_file import read_survey
 from tests.judged import judge, judge_tally, short, values
 
-
 LISTINGS = """
 [[runs]]
 tally = "{real}/ili_two_runs/ili_2007.csv"
