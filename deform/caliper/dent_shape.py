@@ -120,7 +120,8 @@ def fit_dent(samples: DentSamples, centre: float, clock: float, depth: float, si
             return None
         pick = _some(int(use.sum()))
         along = np.broadcast_to(samples.place[:, None], use.shape)[use]
-        solution = _solve(along[pick], around[use][pick], inward[use][pick], guess, sigma, (_DEEPEST * depth, 1.25 * spacing))
+        deepest = _DEEPEST * max(depth, float(np.quantile(inward[use], 0.995)))  # a broad dent draws the candidate's section in
+        solution = _solve(along[pick], around[use][pick], inward[use][pick], guess, sigma, (deepest, 1.25 * spacing))
         if solution is None:
             return None
         guess = solution.x.copy()
