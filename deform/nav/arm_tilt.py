@@ -53,7 +53,7 @@ def _centres(raw: RawRun, ring: int | None, step: int) -> Floats:
     radius = raw.arms["radius"]  # type: ignore[index]  # asked before
     scale, offset = float(radius.attrs.get("scale_factor", 1.0)), float(radius.attrs.get("add_offset", 0.0))
     fill = float(radius.attrs.get("_FillValue", np.nan))
-    angle = raw.arms["arm_angle"].values.astype(float)  # type: ignore[index]
+    angle = raw.arms["arm_angle"].values.astype(float)  # type: ignore[index]  # the caller has arms
     n = radius.sizes["scan"]
     out = np.empty((-(-n // step), 2))
     for first in range(0, n, BLOCK * step):
