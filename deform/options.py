@@ -221,6 +221,9 @@ class ToolOptions:
     roll_turns_per_km: NotNegative = 0.3
     wobble_deg: NotNegative = 0.14
     wobble_length_m: tuple[Positive, Positive] = (12.0, 150.0)  # shortest and longest wavelength
+    wobble_waves: Annotated[int, Field(ge=1)] = 10  # sinusoids that make it, their lengths evenly drawn in the logarithm
+    wobble_slope: float = 1.0  # power of a sinusoid goes with this power of its length: 0 = 1/f, -1 = white
+    wobble_pivot_m: float = 0.0  # the tool turns about a point this far ahead of the IMU, which then swings with the wobble
     offset_m: NotNegative = 0.002
     wheels: Annotated[int, Field(ge=1)] = 3
     wheel_lever_m: float = -1.1

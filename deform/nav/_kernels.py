@@ -21,7 +21,10 @@ DURATION = 51  # s
 TRAVEL = 52  # m, by the odometer
 GAP = 53  # s without samples inside the epoch
 SENSE = 54  # +1, or -1 for an epoch that is run through backwards in time
-COLUMNS = 55
+TURN_BY_SHEAR = 55  # 9: the same of turns that other gyros see, Jacobian to the skew of the gyros (see `correct_row`)
+FORCE_BY_SHEAR = 64  # 15: the same of forces that other accelerometers see, Jacobian to the skew of the accelerometers
+COLUMNS = 79
+PARAMETERS = 20  # biases of gyros and accelerometers, scales of both, skews of both, as `correct_row` takes them
 
 # Rows of the table of compensation: maker's model of one sensor axis per column, then the mounting.
 GYRO_DRIFT, GYRO_SCALE, GYRO_ASYMMETRY, UNBALANCE_SPIN, UNBALANCE_INPUT, SPIN_AXIS = 0, 1, 2, 3, 4, 5
@@ -130,6 +133,14 @@ def preintegrate(time, gyro, accel, gyro_pulse, accel_pulse, K, distance, bounds
                 row[FORCE_BY_AXIS + 3 * j] += R[j, 0] * a0
                 row[FORCE_BY_AXIS + 3 * j + 1] += R[j, 1] * a1
                 row[FORCE_BY_AXIS + 3 * j + 2] += R[j, 2] * a2
+                row[TURN_BY_SHEAR + 3 * j] += R[j, 1] * g0
+                row[TURN_BY_SHEAR + 3 * j + 1] += R[j, 1] * g2
+                row[TURN_BY_SHEAR + 3 * j + 2] += R[j, 0] * g2
+                row[FORCE_BY_SHEAR + 5 * j] += R[j, 0] * a2 + R[j, 2] * a0
+                row[FORCE_BY_SHEAR + 5 * j + 1] += R[j, 1] * a0
+                row[FORCE_BY_SHEAR + 5 * j + 2] += R[j, 1] * a2
+                row[FORCE_BY_SHEAR + 5 * j + 3] += R[j, 0] * a1
+                row[FORCE_BY_SHEAR + 5 * j + 4] += R[j, 2] * a1
             turn_right(R, r0, r1, r2)
             for j in range(3):
                 row[ATTITUDE_TIME + 3 * j] += 0.5 * dt * R[j, 0]
@@ -221,16 +232,24 @@ def place_difference(a, b):
 
 
 @njit(cache=True, error_model="numpy")
-def correct_row(row, gyro_bias, accel_bias, gyro_scale, accel_scale, out):
-    """Row of an epoch with small further biases (rad/s, m/s²) and scale errors taken off by its Jacobians."""
+def correct_row(row, p, out):
+    """Row of an epoch with small further errors taken off by its Jacobians.
+
+    ``p`` (PARAMETERS,): bias of gyros (rad/s) and accelerometers (m/s²), scale of both, by axis; what the forward gyro sees of
+    the turns about right and up, and the right one of that about up; what the accelerometers right and up see of each other's force alike, the forward one of the
+    forces right and up, those right and up of the forward force.
+    """
     for j in range(row.size):
         out[j] = row[j]
     turn = np.zeros(3)
     push = np.zeros(3)
     for i in range(3):
         for j in range(3):
-            turn[i] -= row[ATTITUDE_TIME + 3 * i + j] * gyro_bias[j] + row[TURN_BY_AXIS + 3 * i + j] * gyro_scale[j]
-            push[i] -= row[ATTITUDE_TIME + 3 * i + j] * accel_bias[j] + row[FORCE_BY_AXIS + 3 * i + j] * accel_scale[j]
+            turn[i] -= row[ATTITUDE_TIME + 3 * i + j] * p[j] + row[TURN_BY_AXIS + 3 * i + j] * p[6 + j]
+            push[i] -= row[ATTITUDE_TIME + 3 * i + j] * p[3 + j] + row[FORCE_BY_AXIS + 3 * i + j] * p[9 + j]
+            turn[i] -= row[TURN_BY_SHEAR + 3 * i + j] * p[12 + j]
+        for j in range(5):
+            push[i] -= row[FORCE_BY_SHEAR + 5 * i + j] * p[15 + j]
     T = row[DURATION]
     v0, v1, v2 = row[VELOCITY], row[VELOCITY + 1], row[VELOCITY + 2]
     # a steady turning error tilts the force by half of it on the way to the velocity, by a third on the way to the position
@@ -254,7 +273,7 @@ def correct_row(row, gyro_bias, accel_bias, gyro_scale, accel_scale, out):
 def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, longest_gap, table, states, wanted, offsets, out):
     """Fill out (output, 12): place, velocity, azimuth, pitch, roll, share of the epoch passed, epoch, speed along body y.
 
-    ``states`` (epoch + 1, 27 or more): place, velocity, matrix, biases and scale errors of both triads at the bounds.
+    ``states`` (epoch + 1, 35 or more): place, velocity, matrix, parameters of both triads at the bounds.
     ``wanted`` are sample indices, ``offsets[k]`` the first of them at or behind bounds[k]. Inside an epoch the counts are
     integrated from its beginning; what then is missing at its end is laid on linearly.
     """
@@ -263,7 +282,7 @@ def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, longest_gap, t
         row, end = np.empty(COLUMNS), np.empty(COLUMNS)
         place, v, C = state[0:3], state[3:6], state[6:15].copy().reshape((3, 3))
         place_end, v_end, C_end = np.empty(3), np.empty(3), np.empty((3, 3))
-        correct_row(table[k], state[15:18], state[18:21], state[21:24], state[24:27], end)
+        correct_row(table[k], state[15 : 15 + PARAMETERS], end)
         advance(end, place, v, C, place_end, v_end, C_end)
         e0, e1, e2 = place_difference(following[0:3], place_end)
         u0, u1, u2 = following[3] - v_end[0], following[4] - v_end[1], following[5] - v_end[2]
@@ -301,12 +320,12 @@ def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, longest_gap, t
                     usual = dt
                     s0, s1, s2, d0, d1, d2 = two_sample(g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2)
                     p0, p1, p2, b0, b1, b2 = g0, g1, g2, a0, a1, a2
-                    s0 -= state[15] * dt + state[21] * g0
-                    s1 -= state[16] * dt + state[22] * g1
+                    s0 -= state[15] * dt + state[21] * g0 + state[29] * g2
+                    s1 -= state[16] * dt + state[22] * g1 + state[27] * g0 + state[28] * g2
                     s2 -= state[17] * dt + state[23] * g2
-                    d0 -= state[18] * dt + state[24] * a0
-                    d1 -= state[19] * dt + state[25] * a1
-                    d2 -= state[20] * dt + state[26] * a2
+                    d0 -= state[18] * dt + state[24] * a0 + state[30] * a2 + state[33] * a1
+                    d1 -= state[19] * dt + state[25] * a1 + state[31] * a0 + state[32] * a2
+                    d2 -= state[20] * dt + state[26] * a2 + state[30] * a0 + state[34] * a1
                 w0, w1, w2 = rotate(R, d0, d1, d2)
                 x0 += dt * (v0 + 0.5 * w0)
                 x1 += dt * (v1 + 0.5 * w1)

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import logging
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deform.nav._kernels_state import BANDS, RESET_COURSE, RESET_DISTANCE
 from deform.nav.strapdown import Epochs
 
 Floats = NDArray[np.float64]
+log = logging.getLogger(__name__)
 
-REST_SIGMA_M = 2e-4  # displacement of a tool at rest within one epoch
+REST_VARIANCE = 1e-4**2  # m², of the displacement of a tool at rest within one epoch
+LEAST_VARIANCE = 1e-5**2  # m², of any displacement
+STRAIGHT_M = 50.0  # way over which the azimuth of straight pipe strays by itself
 RIDE_DENSITY = 2e-7  # m² per m: what is left of the ride across the pipe when the wobble is a state
 
 
@@ -26,7 +31,7 @@ class TravelAid:
     stationary : (epoch,) the tool stands still: zero displacement.
     along_shape : (epoch,) variance along from the odometer's own sigma (m²).
     travel : (epoch,) odometer distance (m).
-    tilt : (epoch, 2) direction of the pipe in the tool by the caliper's arms, to the right and up (radian), zero where unknown.
+    tilt : (epoch, 2 bands) direction of the pipe in the tool by the caliper's arms, right and up of each band of waves (radian).
     """
 
     speeds: Floats
@@ -36,15 +41,38 @@ class TravelAid:
     travel: Floats
     tilt: Floats
 
-    def with_noise(self, along: float, right: float, up: float) -> TravelAid:
-        """Return the aid with a factor on the odometer's own variance along, and densities (m² per m) to the right and up."""
-        moving = ~self.stationary & (self.variance[:, 0] > 0)
+    def with_noise(self, along: float, right: float, up: float, rest: float = REST_VARIANCE) -> TravelAid:
+        """Return the aid with a factor on the odometer's own variance along, densities (m² per m) right and up, and that at rest (m²)."""
+        known = self.variance[:, 0] > 0
+        moving, still = known & ~self.stationary, known & self.stationary
         variance = self.variance.copy()
-        variance[moving, 0] = along * self.along_shape[moving] + REST_SIGMA_M**2
-        slip = 0.02**2 * self.along_shape[moving]
-        variance[moving, 1] = right * self.travel[moving] + slip + REST_SIGMA_M**2
-        variance[moving, 2] = up * self.travel[moving] + slip + REST_SIGMA_M**2
+        variance[still] = rest
+        variance[moving, 0] = along * self.along_shape[moving] + LEAST_VARIANCE
+        slip = 0.02**2 * self.along_shape[moving] + LEAST_VARIANCE
+        variance[moving, 1] = right * self.travel[moving] + slip
+        variance[moving, 2] = up * self.travel[moving] + slip
         return replace(self, variance=variance)
+
+
+@dataclass(frozen=True)
+class SpanAid:
+    """What is known of stretches of pipe: lengths of joints between two welds, and stretches that keep their azimuth.
+
+    Parameters
+    ----------
+    joint : (bound, 2) length (m) of the joint that ends at a bound, NaN for none, and its variance (m²); no rows without joints.
+    straight : (bound,) variance of the pipe's azimuth against that of its straight stretch (radian²), 0 outside of one.
+    begins : (bound,) flags of what begins anew behind the bound: `RESET_DISTANCE`, `RESET_COURSE`.
+    """
+
+    joint: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    straight: Floats = field(default_factory=lambda: np.empty(0))
+    begins: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+
+    @property
+    def arguments(self) -> tuple:
+        """In the order of the kernels."""
+        return self.joint, self.straight, self.begins
 
 
 @dataclass(frozen=True)
@@ -104,9 +132,9 @@ def travel_aid(
     sigma = np.add.reduceat(speed_sigma[: epochs.bounds[-1] + 1], begin) / size
     travel, seconds = np.abs(epochs.travel), epochs.duration
     along_shape = sigma**2 * seconds * np.maximum(1.0, seconds)
-    variance = np.full((len(travel), 3), REST_SIGMA_M**2)
+    variance = np.full((len(travel), 3), REST_VARIANCE)
     variance[epochs.gap > 0] = 0.0
-    aid = TravelAid(speed[epochs.bounds].astype(float), variance, still, along_shape, travel, np.zeros((len(travel), 2)))
+    aid = TravelAid(speed[epochs.bounds].astype(float), variance, still, along_shape, travel, np.zeros((len(travel), 2 * BANDS)))
     return aid.with_noise(1.0, across, across)
 
 
@@ -124,11 +152,65 @@ def mark_aid(epochs: Epochs, time: Floats, place: Floats, sigma: Floats, time_si
     index = np.flatnonzero(inside)
     index = index[np.argsort(time[index], kind="stable")]
     t = time[index]
-    right = np.clip(np.searchsorted(epochs.time, t), 1, epochs.time.size - 1)
-    epoch = np.where(epochs.time[right] - t < t - epochs.time[right - 1], right, right - 1).astype(np.int64)
+    epoch = nearest_bound(epochs.time, t)
     before = np.clip(epoch - 1, 0, None)
     after = np.clip(epoch, None, len(epochs.table) - 1)
     speed = (epochs.travel[before] + epochs.travel[after]) / (epochs.duration[before] + epochs.duration[after])
     horizontal, vertical = sigma[index, 0] ** 2, sigma[index, 1] ** 2
     variance = np.column_stack([horizontal + (speed * time_sigma_s) ** 2, horizontal, vertical])
     return MarkAid(index, epoch, place[index], variance, t - epochs.time[epoch], np.ones(index.size))
+
+
+def span_aid(epochs: Epochs, travel: TravelAid, joints: Floats | None = None, straights: Floats | None = None) -> SpanAid:
+    """Return what is known of joints and straight stretches, on the epochs.
+
+    Parameters
+    ----------
+    travel : speeds at the bounds; they take a weld's passage to the nearest bound.
+    joints : (joint, 4) times at which the welds at both ends were passed (s), length between them and its sigma (m).
+    straights : (stretch, 3) times of begin and end (s), and how far the azimuth may stray within the stretch, as sigma (radian).
+
+    Notes
+    -----
+    Joints follow one another or stand apart; one that overlaps the one before it is left out. The error of a weld's time works
+    twice and opposite in neighbouring joints; as here each length counts by itself, its sigma should hold both times.
+
+    Azimuths of a straight stretch are seen at every epoch, but stray slowly: as many of them as there are in `STRAIGHT_M` count
+    as one.
+
+    References
+    ----------
+    Porter (1990), section 3.5 (distance updates from joint lengths) and 4.2.1 (heading constraints on straight pipe).
+    """
+    n = epochs.bounds.size
+    begins = np.zeros(n, np.int64)
+    joint, straight = np.empty((0, 2)), np.empty(0)
+    if joints is not None and len(joints):
+        joint = np.full((n, 2), np.nan)
+        last = -1
+        for begin_s, end_s, length, sigma in joints[np.argsort(joints[:, 0], kind="stable")]:
+            begin, end = nearest_bound(epochs.time, np.array([begin_s, end_s]))
+            if begin < last or end <= begin or not length > 0:
+                log.warning("joint of %.3f m from t=%.2f s to %.2f s overlaps the one before, or has no length; not used",
+                            length, begin_s, end_s)  # fmt: skip
+                continue
+            late = travel.speeds[[begin, end]] * (np.array([begin_s, end_s]) - epochs.time[[begin, end]])
+            joint[end] = length + late[0] - late[1], sigma**2
+            begins[begin] |= RESET_DISTANCE
+            last = end
+    if straights is not None and len(straights):
+        straight = np.zeros(n)
+        for begin_s, end_s, sigma in straights:
+            begin, end = nearest_bound(epochs.time, np.array([begin_s, end_s]))
+            begins[begin] |= RESET_COURSE
+            here = np.arange(begin + 1, end)
+            here = here[~travel.stationary[here]]
+            way = np.maximum(travel.travel[here], 0.05)
+            straight[here] = sigma**2 * np.maximum(STRAIGHT_M / way, 1.0)
+    return SpanAid(joint, straight, begins if begins.any() else np.empty(0, np.int64))
+
+
+def nearest_bound(bounds: Floats, time: Floats) -> NDArray[np.int64]:
+    """Return the index of the bound nearest to each time."""
+    right = np.clip(np.searchsorted(bounds, time), 1, bounds.size - 1)
+    return np.where(bounds[right] - time < time - bounds[right - 1], right, right - 1).astype(np.int64)

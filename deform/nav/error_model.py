@@ -10,13 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deform.errors import OptionError
-from deform.nav import _kernels_filter as kernels
+from deform.nav import _kernels_state as kernels
 from deform.run.raw import RunHeader
 
 Floats = NDArray[np.float64]
 STANDARD_GRAVITY = 9.80665
 
-WOBBLE_DEG, WOBBLE_M = 0.15, 10.0  # before the data have spoken: the tool's axis against the pipe's, and over what length
+WOBBLE_LENGTHS_M = (3.0, 12.0, 50.0, 200.0, 800.0)  # of the components of the wobble; a corner lies at 2 pi times its length
+WOBBLE_DEG = 0.05  # sigma of each before the data have spoken
+SHEAR_RAD = 1e-4  # askewness of a triad's axes that makers do not state
+SCALE_WALK = 3e-6  # of the odometer's scale per root metre
+BIAS_CORRELATION_S = 8e4  # an hour then takes a bias away by three tenths of its sigma
 
 NAVIGATED = ("position", "velocity", "attitude")
 
@@ -32,7 +36,6 @@ class Block:
     sigma : first standard deviation, of a Gauss-Markov state also its steady one.
     correlation_s : correlation time of a Gauss-Markov state (s), 0 for a constant.
     walk : random walk per root metre of travel.
-    correlation_m : correlation length of a Gauss-Markov state along the pipe (m), 0 for a constant.
     """
 
     name: str
@@ -40,7 +43,6 @@ class Block:
     sigma: float
     correlation_s: float = 0.0
     walk: float = 0.0
-    correlation_m: float = 0.0
 
 
 SLOTS = {
@@ -48,34 +50,33 @@ SLOTS = {
     "accel_bias": kernels.B_ACCEL_BIAS,
     "gyro_scale": kernels.B_GYRO_SCALE,
     "accel_scale": kernels.B_ACCEL_SCALE,
+    "gyro_shear": kernels.B_GYRO_SHEAR,
+    "accel_shear": kernels.B_ACCEL_SHEAR,
     "mounting": kernels.B_MOUNTING,
     "scale": kernels.B_SCALE,
     "delay": kernels.B_DELAY,
     "sag": kernels.B_SAG,
     "wobble": kernels.B_WOBBLE,
     "tilt": kernels.B_TILT,
+    "distance": kernels.B_DISTANCE,
+    "course": kernels.B_COURSE,
 }
-# wobble: direction of travel in the pipe against the tool's axis, to the right and up, and the slopes of both along the pipe
-# tilt: share of the tilt seen by the caliper's arms, to the right and up, that is true
-SIZES = {
-    "gyro_bias": 3,
-    "accel_bias": 3,
-    "gyro_scale": 3,
-    "accel_scale": 3,
-    "mounting": 2,
-    "scale": 1,
-    "delay": 1,
-    "sag": 1,
-    "wobble": 4,
-    "tilt": 2,
-}
+# wobble: direction of the pipe against the tool's axis, to the right and up, for each component
+# gyro_shear: what the forward gyro sees of turns about right and up, the right one of that about up; what the others see of the
+# roll works as a mounting does
+# accel_shear: what those right and up see of each other's force, the forward one of right and up, those of the forward one's
+# tilt: share of the tilt seen by the caliper's arms, to the right and up, that is true, for each band of waves
+# distance: along the pipe since the last weld; course: azimuth of the straight stretch the tool is in
 
 # The configurations: blocks, and whether the position is dead-reckoned by the odometer instead of integrated from velocity.
 MODELS: dict[str, tuple[tuple[str, ...], bool]] = {
     "inertial": (("gyro_bias", "accel_bias"), False),
     "odometer": (("gyro_bias", "accel_bias", "mounting", "scale", "delay"), True),
     "full": (
-        ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", "mounting", "scale", "delay", "sag", "wobble", "tilt"),
+        (
+            *("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", "gyro_shear", "accel_shear"),
+            *("mounting", "scale", "delay", "sag", "wobble", "tilt"),
+        ),
         False,
     ),
 }
@@ -120,32 +121,35 @@ class ErrorModel:
         if name in NAVIGATED:
             return slice(3 * NAVIGATED.index(name), 3 * NAVIGATED.index(name) + 3)
         first = int(self.at[SLOTS[name]])
-        return slice(first, first + SIZES[name]) if first >= 0 else slice(0, 0)
+        return slice(first, first + kernels.SIZE_OF[SLOTS[name]]) if first >= 0 else slice(0, 0)
 
-    def with_wobble(self, right: float, up: float, reach: float) -> ErrorModel:
-        """Return the model with another wobble: sigma to the right and up (radian), correlation length (m)."""
-        here = self.index("wobble")
-        variance, steady, length = self.variance.copy(), self.steady.copy(), self.reach.copy()
-        variance[here] = steady[here] = right**2, up**2, (right / reach) ** 2, (up / reach) ** 2
-        length[here] = reach
-        return replace(self, variance=variance, steady=steady, reach=length)
+    def with_wobble(self, variance: Floats) -> ErrorModel:
+        """Return the model with other variances of the wobble (component, right and up) in radian²."""
+        first, steady, here = self.variance.copy(), self.steady.copy(), self.index("wobble")
+        first[here] = steady[here] = np.ravel(variance)
+        return replace(self, variance=first, steady=steady)
+
+    def with_biases(self, correlation_s: Floats) -> ErrorModel:
+        """Return the model with other correlation times of gyro and accelerometer bias (s)."""
+        tau = self.tau.copy()
+        tau[self.index("gyro_bias")], tau[self.index("accel_bias")] = correlation_s
+        return replace(self, tau=tau)
 
     @property
     def arguments(self) -> tuple:
         """Noise arguments of the kernels."""
-        return self.walk, self.travel_walk, self.tau, self.reach, self.steady, self.unknown
+        return self.at, self.reckoned, self.walk, self.travel_walk, self.tau, self.reach, self.steady, self.unknown
 
 
-def compose(name: str, header: RunHeader, bias_correlation_s: float = 3600.0, scale_walk: float = 3e-6) -> ErrorModel:
+def compose(name: str, header: RunHeader, joints: bool = False, straight: bool = False) -> ErrorModel:
     """Return an error model for a tool.
 
     Parameters
     ----------
-    name : ``inertial`` (Porter's 15 states), ``odometer`` (the 19 of CN103727938A) or ``full`` (the 19, with scale factors of the
-        sensors and the sag of the tool in the pipe, position by the inertial unit).
+    name : ``inertial`` (Porter's 15 states), ``odometer`` (the 19 of CN103727938A) or ``full`` (the 19, with scale and skew of
+        the sensors, the sag and wobble of the tool in the pipe, position by the inertial unit).
     header : the maker's one-sigma figures.
-    bias_correlation_s : correlation time of the biases.
-    scale_walk : wander of the odometer's scale per root metre.
+    joints, straight : with a state for the distance since the last weld, for the azimuth of a straight stretch.
 
     References
     ----------
@@ -154,30 +158,37 @@ def compose(name: str, header: RunHeader, bias_correlation_s: float = 3600.0, sc
     Raises
     ------
     OptionError
-        When the name is unknown.
+        When the name is unknown, or joints are wanted of a model whose position follows the odometer.
     """
     if name not in MODELS:
         raise OptionError(f"error model {name!r} is unknown; known are {', '.join(MODELS)}")
     names, reckoned = MODELS[name]
-    return assemble(name, blocks_of(header, names, bias_correlation_s, scale_walk), reckoned, header)
+    if joints and reckoned:
+        raise OptionError(f"error model {name!r} reckons by the odometer: lengths of joints can tell it nothing; use 'full'")
+    names = (*(("distance",) if joints else ()), *names, *(("course",) if straight else ()))
+    return assemble(name, blocks_of(header, names), reckoned, header)
 
 
-def blocks_of(header: RunHeader, names: Sequence[str], bias_correlation_s: float, scale_walk: float) -> tuple[Block, ...]:
+def blocks_of(header: RunHeader, names: Sequence[str]) -> tuple[Block, ...]:
     """Return the named blocks with the figures of the header."""
     imu = header.imu
     figures = {
-        "gyro_bias": (max(math.radians(imu.gyro_bias_deg_per_h) / 3600.0, 1e-12), bias_correlation_s, 0.0),
-        "accel_bias": (max(imu.accel_bias_ug, 1e-3) * 1e-6 * STANDARD_GRAVITY, bias_correlation_s, 0.0),
+        "gyro_bias": (max(math.radians(imu.gyro_bias_deg_per_h) / 3600.0, 1e-12), BIAS_CORRELATION_S, 0.0),
+        "accel_bias": (max(imu.accel_bias_ug, 1e-3) * 1e-6 * STANDARD_GRAVITY, BIAS_CORRELATION_S, 0.0),
         "gyro_scale": (max(imu.gyro_scale_ppm, 1e-3) * 1e-6, 0.0, 0.0),
         "accel_scale": (max(imu.accel_scale_ppm, 1e-3) * 1e-6, 0.0, 0.0),
+        "gyro_shear": (max(imu.gyro_scale_ppm * 1e-6, SHEAR_RAD), 0.0, 0.0),
+        "accel_shear": (max(imu.accel_scale_ppm * 1e-6, SHEAR_RAD), 0.0, 0.0),
         "mounting": (math.radians(0.5), 0.0, 0.0),
-        "scale": (max(header.odometer.scale_error, 1e-4), 0.0, scale_walk),
+        "scale": (max(header.odometer.scale_error, 1e-4), 0.0, SCALE_WALK),
         "delay": (0.05, 0.0, 0.0),
         "sag": (math.radians(0.1), 0.0, 0.0),
-        "wobble": (math.radians(WOBBLE_DEG), 0.0, 0.0, WOBBLE_M),
+        "wobble": (math.radians(WOBBLE_DEG), 0.0, 0.0),
         "tilt": (1.0, 0.0, 0.0),
+        "distance": (0.0, 0.0, 0.0),
+        "course": (math.pi, 0.0, 0.0),
     }
-    return tuple(Block(name, SIZES[name], *figures[name]) for name in names)
+    return tuple(Block(name, kernels.SIZE_OF[SLOTS[name]], *figures[name]) for name in names)
 
 
 def assemble(name: str, blocks: Sequence[Block], reckoned: bool, header: RunHeader) -> ErrorModel:
@@ -193,10 +204,11 @@ def assemble(name: str, blocks: Sequence[Block], reckoned: bool, header: RunHead
         here = slice(first, first + block.size)
         at[SLOTS[block.name]] = first
         variance[here], tau[here], travel_walk[here] = block.sigma**2, block.correlation_s, block.walk**2
-        reach[here] = block.correlation_m
-        steady[here] = block.sigma**2 if block.correlation_s > 0 or block.correlation_m > 0 else 0.0
-        if block.name == "wobble":  # sigma of its slope along the pipe
-            variance[first + 2 : first + 4] = steady[first + 2 : first + 4] = (block.sigma / block.correlation_m) ** 2
+        if block.name == "wobble":
+            reach[here] = np.repeat(WOBBLE_LENGTHS_M, 2)
+        steady[here] = block.sigma**2 * ((tau[here] > 0) | (reach[here] > 0))
         first += block.size
-    unknown = np.array([math.radians(2.0) ** 2, 0.1**2, (3.0 * imu.gyro_scale_ppm * 1e-6) ** 2])
+    known = at[SLOTS["gyro_scale"]] >= 0 and at[SLOTS["gyro_shear"]] >= 0
+    turn = 0.0 if known else 3.0 * max(imu.gyro_scale_ppm * 1e-6, SHEAR_RAD)  # radian per root radian
+    unknown = np.array([math.radians(2.0) ** 2, 0.1**2, turn**2])
     return ErrorModel(name, tuple(blocks), reckoned, at, variance, walk, travel_walk, tau, reach, steady, unknown)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deform.nav import _kernels_filter as kernels
-from deform.nav.aiding import MarkAid, TravelAid
+from deform.nav._kernels_state import STATE_COLUMNS
+from deform.nav.aiding import MarkAid, SpanAid, TravelAid
 from deform.nav.error_model import ErrorModel
 from deform.nav.strapdown import Epochs
 
@@ -20,16 +21,16 @@ GATE = 4.0
 
 @dataclass(frozen=True)
 class Start:
-    """State and variances at the first bound.
+    """State and covariance at the first bound.
 
     Parameters
     ----------
     state : (STATE_COLUMNS,) place, velocity, matrix, parameters of the instruments.
-    variance : (n,) of the error state.
+    covariance : (n, n) of the error state.
     """
 
     state: Floats
-    variance: Floats
+    covariance: Floats
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,11 @@ class Problem:
     marks: MarkAid
     model: ErrorModel
     start: Start
+    spans: SpanAid = field(default_factory=SpanAid)
 
-    def arguments(self) -> tuple:
-        """Arguments of the kernels that are common to both directions."""
+    @property
+    def moves(self) -> tuple:
+        """Epochs and the travel in them, as the kernels take them."""
         return self.epochs.table, self.travel.speeds, self.travel.tilt, self.travel.variance
 
 
@@ -71,7 +74,7 @@ class Filtered:
 
 @dataclass
 class Buffers:
-    """Work sheet of one block."""
+    """What the filter keeps of a block for the smoother; without rows it keeps nothing."""
 
     states: Floats
     covariances: Floats
@@ -85,7 +88,7 @@ class Buffers:
         """Return empty buffers for ``n`` error states."""
         m = kernels.MOST_SCALARS
         return cls(
-            np.empty((size, kernels.STATE_COLUMNS)),
+            np.empty((size, STATE_COLUMNS)),
             np.empty((size, n, n)),
             np.zeros(size, np.int64),
             np.empty((size, m, n)),
@@ -99,19 +102,33 @@ class Buffers:
         return self.states, self.covariances, self.counts, self.H, self.K, self.news
 
 
+@dataclass(frozen=True)
+class Innovations:
+    """What a pass of the filter writes down: see `Filtered`."""
+
+    news: Floats
+    mark_news: Floats
+    score: Floats
+
+    @classmethod
+    def of(cls, problem: Problem) -> Innovations:
+        """Return empty ones."""
+        epochs, marks = len(problem.epochs.table), problem.marks.epoch.size
+        return cls(np.full((epochs, 3), np.nan), np.full((marks, 6), np.nan), np.zeros(3))
+
+
 def blocks(n_bounds: int) -> list[tuple[int, int]]:
     """First and last bound of each block."""
     return [(i, min(i + BLOCK_EPOCHS, n_bounds) - 1) for i in range(0, n_bounds, BLOCK_EPOCHS)]
 
 
-def run_block(problem: Problem, first: int, last: int, x: Floats, P: Floats, keep: bool, buffers: Buffers, residuals: Floats,
-              mark_news: Floats, score: Floats, turned: Floats = NO_PATH) -> None:  # fmt: skip
-    """Filter one block; x and P are led on, the buffers filled when ``keep``, the log-likelihood added to ``score`` (3,)."""
-    marks, model = problem.marks, problem.model
-    aids = (marks.epoch, marks.place, marks.used_variance, marks.late)
-    noise = (model.at, model.reckoned, GATE, *model.arguments)
-    arguments = (*problem.arguments(), *aids, x, P, *noise, keep, *buffers.arguments, residuals, mark_news, score, turned)
-    kernels.forward(first, last, *arguments)
+def run_block(problem: Problem, first: int, last: int, x: Floats, P: Floats, buffers: Buffers, out: Innovations,
+              turned: Floats = NO_PATH) -> None:  # fmt: skip
+    """Filter one block; x and P are led on, the buffers filled where they have rows, innovations and score added to ``out``."""
+    marks, spans, model = problem.marks, problem.spans, problem.model
+    mark = marks.epoch, marks.place, marks.used_variance, marks.late
+    arguments = (problem.moves, mark, spans.arguments, x, P, model.arguments, GATE, buffers.arguments)
+    kernels.forward(first, last, *arguments, out.news, out.mark_news, out.score, turned)
 
 
 def run_forward(problem: Problem, turned: Floats = NO_PATH) -> Filtered:
@@ -119,19 +136,17 @@ def run_forward(problem: Problem, turned: Floats = NO_PATH) -> Filtered:
 
     Notes
     -----
-    At each bound the marks passed there, then the displacement by the odometer over the epoch that begins there, in three
-    scalar measurements along, right and up of the tool. The innovation gate lets the variance of an outlier grow with it.
+    At each bound the joint that ends there, the azimuth of a straight stretch, the marks passed, then the displacement by the
+    odometer over the epoch that begins there, in three scalar measurements along, right and up of the tool. The innovation gate
+    lets the variance of an outlier grow with it.
 
     References
     ----------
     Porter (1990), eq. 3-62 to 3-76; CN103727938A, step 3; Li (2014), eq. 19 to 25.
     """
-    x, P = problem.start.state.copy(), np.diag(problem.start.variance)
-    n_bounds = problem.epochs.bounds.size
-    residuals, mark_news = np.full((len(problem.epochs.table), 3), np.nan), np.full((problem.marks.epoch.size, 6), np.nan)
-    buffers = Buffers.of(problem.model.size, 1)
-    checkpoints, score = [], np.zeros(3)
-    for first, last in blocks(n_bounds):
+    x, P = problem.start.state.copy(), problem.start.covariance.copy()
+    out, nothing, checkpoints = Innovations.of(problem), Buffers.of(problem.model.size, 0), []
+    for first, last in blocks(problem.epochs.bounds.size):
         checkpoints.append((x.copy(), P.copy()))
-        run_block(problem, first, last, x, P, False, buffers, residuals, mark_news, score, turned)
-    return Filtered(tuple(checkpoints), residuals, mark_news, x, P, score)
+        run_block(problem, first, last, x, P, nothing, out, turned)
+    return Filtered(tuple(checkpoints), out.news, out.mark_news, x, P, out.score)

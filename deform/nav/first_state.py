@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deform.geometry import earth
 from deform.geometry.rotation import rotation_vector_to_matrix
-from deform.nav import _kernels_filter as kernels
+from deform.nav import _kernels_state as kernels
 from deform.nav.aiding import MarkAid
 from deform.nav.alignment import Alignment
 from deform.nav.dead_reckoning import dead_reckon
@@ -57,11 +57,10 @@ def first_state(
         place = np.array([np.radians(latitude), np.radians(longitude), height], float)
     state = np.zeros(kernels.STATE_COLUMNS)
     state[:3], state[3:6], state[6:15] = place, aligned.attitude[:, 1] * speed, aligned.attitude.ravel()
-    variance = model.variance.copy()
-    variance[0:3] = sigma**2
-    variance[3:6] = 0.01**2 + (0.05 * speed) ** 2
-    variance[6:9] = np.minimum(10.0 * aligned.sigma, [0.2, 0.2, 1.0]) ** 2
-    return Start(state, variance), aligned
+    nine = [sigma**2] * 3, [0.01**2 + (0.05 * speed) ** 2] * 3, np.minimum(10.0 * aligned.sigma, [0.2, 0.2, 1.0]) ** 2
+    covariance = np.diag(model.variance)
+    covariance[:9, :9] = np.diag(np.concatenate(nine))
+    return Start(state, covariance), aligned
 
 
 def _degrees(place: Floats) -> tuple[Floats, Floats, Floats]:

@@ -15,7 +15,7 @@ from deform.nav.aiding import RIDE_DENSITY, mark_aid, travel_aid
 from deform.nav.alignment import align
 from deform.nav.arm_tilt import ring_centres
 from deform.nav.compensation import compensation_table
-from deform.nav.error_model import WOBBLE_DEG, WOBBLE_M, compose
+from deform.nav.error_model import WOBBLE_DEG, compose
 from deform.nav.filter import Problem
 from deform.nav.first_state import first_state
 from deform.nav.sanity import check_motion
@@ -73,7 +73,7 @@ def navigate(
     bounds = epoch_bounds(counts.time, options.filter_interval_s, passages["time"].values)
     epochs = preintegrate(counts, wheels.distance[1:], bounds)
     model = compose(options.error_model, raw.header)
-    across = RIDE_DENSITY if model.index("wobble").stop else 4.0 * np.radians(WOBBLE_DEG) ** 2 * WOBBLE_M
+    across = RIDE_DENSITY if model.index("wobble").stop else 4.0 * np.radians(3.0 * WOBBLE_DEG) ** 2 * 10.0
     travel = travel_aid(epochs, wheels.speed[1:], wheels.speed_sigma[1:], wheels.stationary[1:], across)
     aligned = align(counts, epochs, travel, raw.header)
     check_motion(counts, wheels.distance[1:], epochs, travel, aligned)

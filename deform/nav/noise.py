@@ -1,133 +1,217 @@
-"""A filter's problem in; the same with the noise of odometer and ride that makes the data most likely out."""
+"""A filter's problem in; the same with the noise of wobble, ride and odometer that makes the data most likely out."""
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import minimize
 
-from deform.nav.aiding import RIDE_DENSITY
-from deform.nav.filter import Problem, run_forward
+from deform.nav._kernels_state import WAVES
+from deform.nav.aiding import REST_VARIANCE, RIDE_DENSITY
+from deform.nav.error_model import BIAS_CORRELATION_S, WOBBLE_DEG, WOBBLE_LENGTHS_M
+from deform.nav.filter import BLOCK_EPOCHS, Buffers, Filtered, Problem, Start, run_forward
+from deform.nav.smoother import slopes
 from deform.nav.strapdown import Epochs
 
 Floats = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
-LEARNING_EPOCHS = 3000
-LEAST_EPOCHS = 200
-LEAST_RIDE = 1e-7  # m² per m: below it a tool could not bounce by a millimetre over ten metres
-_BOUNDS = (
-    (math.radians(0.005), math.radians(3.0)),
-    (math.radians(0.005), math.radians(3.0)),
-    (0.5, 200.0),
-    (1e-9, 1e-3),
-    (1e-9, 1e-3),
-)
+STRETCH_EPOCHS, MOST_STRETCHES = 4 * BLOCK_EPOCHS, 2
+LEAST_EPOCHS = 200  # in motion, in a stretch that may teach
+DOUBT = 2.0  # factor on the sigmas of the state at the beginning of a stretch
+OUTLIER = 4.5  # sigma beyond which a displacement teaches nothing
+ROUNDS, ITERATIONS, MOST_STEP = 6, 12, 2.5  # a round lets a logarithm go so far
+
+# What is expected of a tool: spreads of logarithms of powers and variances before the data have spoken
+WOBBLE_SPREAD, SHAPE_SPREAD = 2.0, 2.0  # of the wobble's variances against a usual tool's; of neighbours, and of right and up
+RIDE_SPREAD, ALONG_SPREAD, REST_SPREAD = 3.0, 3.0, 3.0
+BIAS_SPREAD = 2.0  # of the correlation times of the biases
 
 
-def learn(problem: Problem) -> Problem:
-    """Return the problem with wobble (sigma right and up, length), rides and odometer factor of greatest likelihood.
+@dataclass(frozen=True)
+class Noise:
+    """What is learned.
+
+    Parameters
+    ----------
+    wobble : (component, right and up) variance of the wobble (radian²).
+    ride : (2,) density of the noise of the path across the pipe, right and up (m² per m).
+    along : factor on the odometer's own variance.
+    bias_s : (2,) correlation times of gyro and accelerometer bias (s).
+    rest : variance of the displacement at rest within an epoch (m²).
+    """
+
+    wobble: Floats
+    ride: Floats
+    along: float
+    bias_s: Floats
+    rest: float
+
+    @property
+    def logs(self) -> Floats:
+        """Logarithms, as the search uses them."""
+        return np.log(np.concatenate([self.wobble.ravel(), self.ride, [self.along], self.bias_s, [self.rest]]))
+
+    @classmethod
+    def of(cls, logs: Floats) -> Noise:
+        """Return the noise of such logarithms."""
+        rest = np.exp(logs[2 * WAVES :])
+        return cls(np.exp(logs[: 2 * WAVES]).reshape(WAVES, 2), rest[:2], float(rest[2]), rest[3:5], float(rest[5]))
+
+    @classmethod
+    def usual(cls) -> Noise:
+        """Noise of a usual tool."""
+        return cls(np.full((WAVES, 2), math.radians(WOBBLE_DEG) ** 2), np.full(2, RIDE_DENSITY), 1.0, np.full(2, BIAS_CORRELATION_S), REST_VARIANCE)
+
+
+def learn(problem: Problem, filtered: Filtered) -> Problem:
+    """Return the problem with the noise of greatest posterior probability.
+
+    Parameters
+    ----------
+    problem : with noise as it is before the data have spoken.
+    filtered : its forward pass, whose checkpoints the stretches start from.
 
     Notes
     -----
-    The likelihood of the innovations of the odometer's displacement, -½ Σ (ln s + ν²/s), outliers counted at the gate, over a
-    stretch in motion. The inertial unit is the witness: over seconds to a minute it knows the direction of travel better than the
-    tool's axis does. What the wobble does over longer waves follows from its model, not from the residuals, in which the filter
-    has already made its peace with them.
+    The likelihood of the innovations of the odometer's displacement over stretches in motion spread over the run, without
+    marks: the inertial unit is the witness. Its slopes are exact and come from one smoothing pass, so that a quasi-Newton search
+    needs some tens of passes. A broad prior holds what the data cannot see: long waves on a short line, or under a poor unit.
+
+    The components of the wobble have fixed lengths: their variances alone are sought, and the sum has any spectrum that does not
+    fall towards long waves and does not rise faster than the square of the wavelength.
+
+    A displacement beyond `OUTLIER` sigma is left out, and the search begun anew, until the same ones are out. (To count it at a
+    bound instead rewards a small sigma as soon as many lie beyond: with the heading lost in a gap the noise then collapsed.)
 
     References
     ----------
-    Mehra (1970), IEEE Trans. AC-15, 175-184.
+    Mehra (1970), IEEE Trans. AC-15, 175-184; Koopman and Shephard (1992), Biometrika 79, 823-826.
     """
-    part = stretch(problem)
-    if part is None or not part.model.index("wobble").stop:
+    parts = stretches(problem, filtered)
+    if not parts or not problem.model.index("wobble").stop:
         return problem
-    x = np.log([math.radians(0.1) / 6.0**1.5, math.radians(0.1) / 6.0**1.5, 6.0, RIDE_DENSITY, RIDE_DENSITY])
-    low, high = np.log(_BOUNDS).T
-
-    def misfit(logs: Floats, along: float) -> float:
-        values = _wobble(logs)
-        beyond = np.sum(np.clip(low - np.log(values), 0.0, None) ** 2 + np.clip(np.log(values) - high, 0.0, None) ** 2)
-        return -float(run_forward(apply(part, values, along)).score.sum()) + 100.0 * float(beyond)
-
-    along = _along(part, x, 1.0)
-    simplex = x[:4] + np.vstack([np.zeros(4), np.diag([0.5, 0.5, 0.4, 1.2])])
-    options = {"initial_simplex": simplex, "maxfev": 70, "xatol": 0.05, "fatol": 0.5}
-    best = minimize(lambda four: misfit(np.append(four, four[3]), along), x[:4], method="Nelder-Mead", options=options)
-    x = np.append(best.x, best.x[3])
-    x = _polished(misfit, x, along)
-    along = _along(part, x, along)
-    values = _wobble(x)
-    log.info("wobble of the tool %.3f degree right, %.3f up over %.1f m, ride %.1e, %.1e m²/m, odometer's sigma x %.2f",
-             math.degrees(values[0]), math.degrees(values[1]), values[2], values[3], values[4], math.sqrt(along))  # fmt: skip
-    return apply(problem, values, along)
+    buffers = Buffers.of(problem.model.size, max(p.epochs.bounds.size for p in parts))
+    usual = Noise.usual().logs
+    x, used, settled = usual.copy(), [np.zeros((0, 3), bool)] * len(parts), False
+    for _ in range(ROUNDS):
+        before, used = used, [_plausible(apply(p, Noise.of(x))) for p in parts]
+        if settled and all((a == b).mean() > 0.999 for a, b in zip(before, used, strict=True)):
+            break
+        taught = [_only(p, use) for p, use in zip(parts, used, strict=True)]
+        options, bounds = {"maxiter": ITERATIONS, "ftol": 1e-6}, [(v - MOST_STEP, v + MOST_STEP) for v in x]
+        found = minimize(_misfit, x, (taught, usual, buffers), "L-BFGS-B", jac=True, bounds=bounds, options=options)
+        settled, x = bool(found.success), found.x
+    noise = Noise.of(x)
+    _tell(noise)
+    return apply(problem, noise)
 
 
-def apply(problem: Problem, wobble: Floats, along: float) -> Problem:
-    """Return the problem with wobble (sigma right, up, length; rides) and a factor on the odometer's variance."""
-    model = problem.model.with_wobble(wobble[0], wobble[1], wobble[2])
-    variance = problem.start.variance.copy()
+def wobble_spectrum(variance: Floats, wavelength: Floats) -> Floats:
+    """Return the two-sided power spectral density (radian² m) of the wobble at wavelengths (m), right and up: (wavelength, 2)."""
+    lengths = np.array(WOBBLE_LENGTHS_M)
+    return 2.0 * lengths / (1.0 + (2.0 * np.pi * lengths / np.asarray(wavelength, float)[:, None]) ** 2) @ variance
+
+
+def apply(problem: Problem, noise: Noise) -> Problem:
+    """Return the problem with such noise."""
+    model = problem.model.with_wobble(noise.wobble).with_biases(noise.bias_s)
     here = model.index("wobble")
-    variance[here] = model.variance[here]
-    return replace(
-        problem,
-        model=model,
-        travel=problem.travel.with_noise(along, max(wobble[3], LEAST_RIDE), max(wobble[4], LEAST_RIDE)),
-        start=replace(problem.start, variance=variance),
-    )
+    P = problem.start.covariance.copy()
+    P[here, :] = P[:, here] = 0.0
+    P[here, here] = np.diag(model.variance[here])
+    travel = problem.travel.with_noise(noise.along, float(noise.ride[0]), float(noise.ride[1]), noise.rest)
+    return replace(problem, model=model, travel=travel, start=replace(problem.start, covariance=P))
 
 
-def stretch(problem: Problem) -> Problem | None:
-    """Return the first `LEARNING_EPOCHS` in motion and the rest before, without marks; None with too few."""
-    moving = np.flatnonzero(~problem.travel.stationary)
-    if moving.size < LEAST_EPOCHS:
-        return None
-    end = int(moving[min(LEARNING_EPOCHS, moving.size) - 1]) + 1
+def stretches(problem: Problem, filtered: Filtered) -> list[Problem]:
+    """Return up to `MOST_STRETCHES` pieces of the run in motion, evenly spread, free of gaps, without marks.
+
+    Each begins at a checkpoint of a forward pass, with its covariance widened and the wobble unknown.
+    """
+    n = problem.epochs.bounds.size - 1
+    moving = ~problem.travel.stationary & (problem.travel.variance[:, 0] > 0)
+    broken = np.flatnonzero(problem.epochs.gap > 0)
+    chosen: list[tuple[int, int]] = []
+    for first in range(0, n, BLOCK_EPOCHS):
+        last = min(first + STRETCH_EPOCHS, n, *broken[broken >= first][:1])
+        free = not chosen or first >= chosen[-1][1]  # one behind the other, as many as fit
+        if free and moving[first:last].sum() >= LEAST_EPOCHS:
+            chosen.append((first, last))
+    if len(chosen) > MOST_STRETCHES:
+        chosen = [chosen[i] for i in np.round(np.linspace(0, len(chosen) - 1, MOST_STRETCHES)).astype(int)]
+    return [_piece(problem, filtered, first, last) for first, last in chosen]
+
+
+def _piece(problem: Problem, filtered: Filtered, first: int, last: int) -> Problem:
     epochs, travel, marks = problem.epochs, problem.travel, problem.marks
+    x, P = filtered.checkpoints[first // BLOCK_EPOCHS]
+    here = slice(first, last)
     return replace(
         problem,
-        epochs=Epochs(epochs.bounds[: end + 1], epochs.time[: end + 1], epochs.table[:end]),
-        travel=replace(travel, speeds=travel.speeds[: end + 1], variance=travel.variance[:end],
-                       stationary=travel.stationary[:end],
-                       along_shape=travel.along_shape[:end], travel=travel.travel[:end], tilt=travel.tilt[:end]),
+        epochs=Epochs(epochs.bounds[first : last + 1], epochs.time[first : last + 1], epochs.table[here]),
+        travel=replace(travel, speeds=travel.speeds[first : last + 1], variance=travel.variance[here],
+                       stationary=travel.stationary[here], along_shape=travel.along_shape[here], travel=travel.travel[here],
+                       tilt=travel.tilt[here]),
         marks=marks.only(np.zeros(marks.epoch.size, bool)),
+        start=Start(x.copy(), P * (DOUBT**2 if first else 1.0)),
     )  # fmt: skip
 
 
-def _wobble(logs: Floats) -> Floats:
-    """Wobble (sigma right, up, length) and ride from the logarithms that the search uses.
-
-    The data see the short waves, whose size is sigma / length^1.5, far better than sigma and length by themselves.
-    """
-    right, up, reach, ride, ride_up = np.exp(logs)
-    return np.array([right * reach**1.5, up * reach**1.5, reach, ride, ride_up])
+def _plausible(part: Problem) -> NDArray[np.bool_]:
+    """Displacements (epoch, 3) whose innovations lie within `OUTLIER` sigma."""
+    return ~(np.abs(run_forward(part).news) > OUTLIER)
 
 
-def _polished(misfit: Callable[[Floats, float], float], x: Floats, along: float) -> Floats:
-    """Each direction's ride and short waves once more by themselves: the simplex held one ride for both."""
-    x = x.copy()
-    for i in (3, 4, 0, 1):
-
-        def alone(value: float, i: int = i) -> float:
-            return misfit(np.where(np.arange(x.size) == i, value, x), along)
-
-        found = minimize_scalar(alone, bounds=(x[i] - 2.5, x[i] + 2.0), method="bounded", options={"xatol": 0.03, "maxiter": 10})
-        if found.fun < misfit(x, along):
-            x[i] = float(found.x)
-    return x
+def _only(part: Problem, use: NDArray[np.bool_]) -> Problem:
+    """Return a stretch with only such displacements."""
+    return replace(part, travel=replace(part.travel, variance=np.where(use, part.travel.variance, 0.0)))
 
 
-def _along(part: Problem, logs: Floats, start: float) -> float:
-    values = _wobble(logs)
+def _misfit(x: Floats, parts: list[Problem], usual: Floats, buffers: Buffers) -> tuple[float, Floats]:
+    """Minus logarithm of the posterior probability, and its slopes."""
+    noise = Noise.of(x)
+    value, slope = _prior(x, usual)
+    for part in parts:
+        tried = apply(part, noise)
+        found, travel, model = slopes(tried, buffers), part.travel, tried.model
+        known = travel.variance > 0
+        moving = known & ~travel.stationary[:, None]
+        ride = [np.sum((found.pull[:, c] * travel.travel)[moving[:, c]]) * noise.ride[c - 1] for c in (1, 2)]
+        along = np.sum((found.pull[:, 0] * travel.along_shape)[moving[:, 0]]) * noise.along
+        bias = [-found.drive[model.index(name)].sum() for name in ("gyro_bias", "accel_bias")]
+        rest = found.pull[known & travel.stationary[:, None]].sum() * noise.rest
+        value -= found.score
+        slope -= np.concatenate([found.drive[model.index("wobble")], ride, [along], bias, [rest]])
+    return value, slope
 
-    def misfit(log_factor: float) -> float:
-        return -float(run_forward(apply(part, values, math.exp(log_factor))).score.sum())
 
-    middle = math.log(start)
-    found = minimize_scalar(misfit, bounds=(middle - 5.0, middle + 4.0), method="bounded", options={"xatol": 0.1, "maxiter": 12})
-    return math.exp(float(found.x))
+def _prior(x: Floats, usual: Floats) -> tuple[float, Floats]:
+    """Minus logarithm of the prior: variances near usual ones; those of the wobble alike at neighbouring lengths, right and up."""
+    spread = np.repeat([WOBBLE_SPREAD, RIDE_SPREAD, ALONG_SPREAD, BIAS_SPREAD, REST_SPREAD], [2 * WAVES, 2, 1, 2, 1])
+    off = x - usual
+    value, slope = 0.5 * float(np.sum((off / spread) ** 2)), off / spread**2
+    wobble, pull = x[: 2 * WAVES].reshape(WAVES, 2), np.zeros((WAVES, 2))
+    for axis in (0, 1):
+        step = np.diff(wobble, axis=axis) / SHAPE_SPREAD**2
+        value += 0.5 * SHAPE_SPREAD**2 * float(np.sum(step**2))
+        pull += np.insert(step, 0, 0.0, axis=axis) - np.insert(step, step.shape[axis], 0.0, axis=axis)
+    slope[: 2 * WAVES] += pull.ravel()
+    return value, slope
+
+
+def _tell(noise: Noise) -> None:
+    edges = np.array([10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0])
+    waves = np.geomspace(edges[0], edges[-1], 501)
+    S = wobble_spectrum(noise.wobble, waves)
+    bands = [(waves >= a) & (waves <= b) for a, b in pairwise(edges)]
+    rms = [np.degrees(np.sqrt(-2.0 * np.trapezoid(S[b], 1.0 / waves[b], axis=0))) for b in bands]
+    log.info("wobble of the tool in bands %s m: right %s, up %s degree; ride %.1e, %.1e m²/m; odometer's sigma x %.2f; "
+             "biases stand for %.0f, %.0f s; rest %.1e m", "-".join(f"{e:.0f}" for e in edges),
+             *(" ".join(f"{r[c]:.3f}" for r in rms) for c in (0, 1)), *noise.ride, math.sqrt(noise.along), *noise.bias_s,
+             math.sqrt(noise.rest))  # fmt: skip

@@ -99,13 +99,13 @@ def direction_along(
         wobble = _wobble(trajectory, travel, apart, grid, turned, header, ring)
     level = np.maximum(np.cos(pitch), 1e-3)
     error = [
-        interpolate(grid, travel, trajectory[f"{a}_sigma"].values) if f"{a}_sigma" in trajectory else zero
-        for a in ("azimuth", "pitch")
+        interpolate(grid, travel, trajectory[f"direction_{a}_sigma"].values) if f"direction_{a}_sigma" in trajectory else zero
+        for a in ("right", "up")
     ]
     return PipeDirection(
         np.degrees(azimuth - (wobble[0].value + sag[0]) / level) % 360.0,
         np.degrees(pitch - wobble[1].value - sag[1]),
-        np.hypot(error[0], np.degrees(wobble[0].sigma) / level),
+        np.hypot(error[0], np.degrees(wobble[0].sigma)) / level,
         np.hypot(error[1], np.degrees(wobble[1].sigma)),
         np.degrees(np.stack([w.turn_sigma for w in wobble])),
         (math.degrees(mounting[0]), math.degrees(mounting[1])),
@@ -255,15 +255,14 @@ def _smoothed(
         shift = math.sqrt(max(spread**2 - (lever * model.sigma) ** 2, 0.1 * spread**2, 1e-8))
         ring_sigma, order = _RING_SIGMA_M, 1
         seen, variance = np.stack([total, offset], axis=1), np.append(variance, ring_sigma**2)
-    F, Q, Q_push, P0 = model.discrete(_NODE_M, shift, order)
-    own = model.order + 2
+    F, Q, P0 = model.discrete(_NODE_M, shift, order)
+    own = model.order + 1
     rows = np.zeros((seen.shape[1], F.shape[0]))
     rows[0, 0], rows[0, own] = 1.0, -1.0
     if ring_sigma > 0:
         rows[1, own], rows[1, 1] = 1.0, lever
     value, sigma, odd = np.empty(total.size), np.empty(total.size), np.zeros(1, np.int64)
-    push = (usual / speed) ** 3
-    _kernels_path.smooth_chain(seen, variance, rows, push, F, Q, Q_push, P0, 1, value, sigma, odd)
+    _kernels_path.smooth_chain(seen, variance, rows, F, Q, P0, 1, value, sigma, odd)
     if odd[0]:
         _log.info("%d of %d measurements of the path lie beyond five sigma and carry less weight", odd[0], seen.size)
     turn = turn_sigma(model, TURN_LAGS_M, total, _NODE_M, direction, float(grid[1] - grid[0]), (shift, ring_sigma))

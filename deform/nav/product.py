@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from deform.nav import _kernels, _kernels_filter
+from deform.nav import _kernels, _kernels_state
 from deform.nav.alignment import Alignment
 from deform.nav.odometer import OdometerSolution
 from deform.nav.solution import NO_WEIGHT, Solution
@@ -57,7 +57,7 @@ def trajectory_dataset(
 
 
 def sigmas(solution: Solution) -> dict[str, Floats]:
-    """Standard deviations at the epochs: position (m), chainage (m), azimuth and pitch (degree)."""
+    """Standard deviations at the epochs: position (m), chainage (m), azimuth, pitch and the pipe's direction (degree)."""
     sigma, matrix = solution.smoothed.sigma, solution.smoothed.states[:, 6:15].reshape(-1, 3, 3)
     forward = matrix[:, :, 1]
     level = np.maximum(np.hypot(forward[:, 0], forward[:, 1]), 1e-3)
@@ -72,6 +72,8 @@ def sigmas(solution: Solution) -> dict[str, Floats]:
             np.hypot(sigma[:, 8], np.hypot(sigma[:, 6] * east, sigma[:, 7] * north) * forward[:, 2] / level)
         ),
         "pitch_sigma": np.degrees(np.hypot(sigma[:, 6] * north, sigma[:, 7] * east)),
+        "direction_right_sigma": np.degrees(solution.smoothed.direction_sigma[:, 0]),
+        "direction_up_sigma": np.degrees(solution.smoothed.direction_sigma[:, 1]),
     }
 
 
@@ -97,7 +99,7 @@ def diagnostics_dataset(solution: Solution, aligned: Alignment, reckoning: Float
     """Return the group ``navigation``."""
     problem, smoothed = solution.problem, solution.smoothed
     keep = slice(None, None, max(1, -(-problem.epochs.time.size // MOST_EPOCHS)))
-    model, k = problem.model, _kernels_filter
+    model, k = problem.model, _kernels_state
     values: dict[str, Any] = {"time": problem.epochs.time[keep]}
     per_hour = np.degrees(1.0) * 3600.0
     values |= _with_sigma("gyro_bias", smoothed.states[keep, k.GYRO_BIAS : k.GYRO_BIAS + 3] * per_hour,

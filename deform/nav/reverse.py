@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deform.nav import _kernels as k
-from deform.nav import _kernels_filter as kernels
-from deform.nav.filter import Filtered, Problem, run_forward
+from deform.nav import _kernels_state as kernels
+from deform.nav.filter import Filtered, Problem, Start, run_forward
 from deform.nav.strapdown import Epochs
 
 Floats = NDArray[np.float64]
@@ -53,9 +53,10 @@ def reversed_epochs(epochs: Epochs) -> Epochs:
     out[:, :9] = turn.transpose(0, 2, 1).reshape(-1, 9)
     out[:, k.VELOCITY : k.VELOCITY + 3] = np.einsum("nji,nj->ni", turn, velocity)
     out[:, k.POSITION : k.POSITION + 3] = np.einsum("nji,nj->ni", turn, velocity * T - position)
-    for start, sign in ((k.ATTITUDE_TIME, 1.0), (k.ATTITUDE_TRAVEL, -1.0), (k.TURN_BY_AXIS, -1.0), (k.FORCE_BY_AXIS, 1.0)):
-        block = table[:, start : start + 9].reshape(-1, 3, 3)
-        out[:, start : start + 9] = sign * (turn.transpose(0, 2, 1) @ block).reshape(-1, 9)
+    for start, width, sign in ((k.ATTITUDE_TIME, 3, 1.0), (k.ATTITUDE_TRAVEL, 3, -1.0), (k.TURN_BY_AXIS, 3, -1.0),
+                               (k.FORCE_BY_AXIS, 3, 1.0), (k.TURN_BY_SHEAR, 3, -1.0), (k.FORCE_BY_SHEAR, 5, 1.0)):  # fmt: skip
+        block = table[:, start : start + 3 * width].reshape(-1, 3, width)
+        out[:, start : start + 3 * width] = sign * (turn.transpose(0, 2, 1) @ block).reshape(-1, 3 * width)
     out[:, k.TRAVEL] = -table[:, k.TRAVEL]
     out[:, k.SENSE] = -table[:, k.SENSE]
     last = epochs.bounds[-1]
@@ -88,7 +89,7 @@ def run_backward(problem: Problem, end: Floats, variance: Floats) -> Reversed:
                        along_shape=travel.along_shape[::-1], travel=travel.travel[::-1], tilt=travel.tilt[::-1].copy()),
         marks=replace(marks, index=marks.index[::-1], epoch=(n - marks.epoch[::-1]).copy(), place=marks.place[::-1].copy(),
                       variance=marks.variance[::-1], late=-marks.late[::-1], weight=marks.weight[::-1]),
-        start=replace(problem.start, state=state, variance=variance),
+        start=Start(state, np.diag(variance)),
     )  # fmt: skip
     filtered = run_forward(back)
     x = filtered.end.copy()
@@ -98,5 +99,5 @@ def run_backward(problem: Problem, end: Floats, variance: Floats) -> Reversed:
     place = k.place_difference(x[0:3], first[0:3])
     D = x[6:15].reshape(3, 3) @ first[6:15].reshape(3, 3).T
     turn = 0.5 * np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
-    sigma = np.sqrt(np.diag(filtered.covariance)[:9] + problem.start.variance[:9])
+    sigma = np.sqrt(np.diag(filtered.covariance + problem.start.covariance)[:9])
     return Reversed(filtered, x, np.concatenate([place, x[3:6] - first[3:6], turn]), sigma)

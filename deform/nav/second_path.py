@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deform.geometry import earth
-from deform.nav import _kernels_filter as kernels
+from deform.nav import _kernels_state as kernels
 from deform.nav.dead_reckoning import dead_reckon
 from deform.nav.marks import correct_between_marks
 from deform.nav.solution import Solution

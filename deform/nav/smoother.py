@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deform.nav import _kernels_filter as kernels
-from deform.nav.filter import Buffers, Filtered, Problem, blocks, run_block
+from deform.nav import _kernels_smoother as kernels
+from deform.nav._kernels_state import STATE_COLUMNS
+from deform.nav.filter import Buffers, Filtered, Innovations, Problem, blocks, run_block
 
 Floats = NDArray[np.float64]
+NOTHING = np.empty((0, 3))
 
 
 @dataclass(frozen=True)
@@ -21,10 +23,12 @@ class Smoothed:
     ----------
     states : (bound, STATE_COLUMNS).
     sigma : (bound, n) standard deviations of the error state: position east, north, up (m), velocity, turning error (radian), ...
+    direction_sigma : (bound, 2) of the pipe's direction, attitude and what the tool does in the pipe together, right, up (radian).
     """
 
     states: Floats
     sigma: Floats
+    direction_sigma: Floats
 
 
 def smooth(problem: Problem, filtered: Filtered) -> Smoothed:
@@ -42,14 +46,47 @@ def smooth(problem: Problem, filtered: Filtered) -> Smoothed:
     Li (2014), eq. 26 to 30; Bierman (1977), Factorization Methods, chapter 10.
     """
     n, n_bounds = problem.model.size, problem.epochs.bounds.size
-    states, sigma = np.empty((n_bounds, kernels.STATE_COLUMNS)), np.empty((n_bounds, n))
+    result = Smoothed(np.empty((n_bounds, STATE_COLUMNS)), np.empty((n_bounds, n)), np.empty((n_bounds, 2)))
+    wanted = result.states, result.sigma, result.direction_sigma
     adjoint, information = np.zeros(n), np.zeros((n, n))
-    buffers = Buffers.of(n)
-    residuals, mark_news = np.empty((len(problem.epochs.table), 3)), np.empty((problem.marks.epoch.size, 6))
-    model = problem.model
+    buffers, again = Buffers.of(n, min(n_bounds, 512)), Innovations.of(problem)
+    fixed = problem.moves, problem.spans.arguments, problem.model.arguments, buffers.arguments
     for (first, last), (x, P) in zip(reversed(blocks(n_bounds)), reversed(filtered.checkpoints), strict=True):
-        run_block(problem, first, last, x.copy(), P.copy(), True, buffers, residuals, mark_news, np.zeros(3))
-        noise = (model.at, model.reckoned, *model.arguments)
-        arguments = (*problem.arguments(), *noise, *buffers.arguments, adjoint, information, states, sigma)
-        kernels.backward(first, last, *arguments)
-    return Smoothed(states, sigma)
+        run_block(problem, first, last, x.copy(), P.copy(), buffers, again)
+        kernels.backward(first, last, *fixed, adjoint, information, *wanted, NOTHING, np.empty(0))
+    return result
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """How the log-likelihood of a problem changes with its noise.
+
+    Parameters
+    ----------
+    score : log-likelihood of the innovations of the travel.
+    pull : (epoch, 3) its slope to the variances of the displacement along, right, up; zero where there was none.
+    drive : (n,) its slope to the logarithm of each state's noise, first covariance of the wobble included.
+    """
+
+    score: float
+    pull: Floats
+    drive: Floats
+
+
+def slopes(problem: Problem, buffers: Buffers) -> Slopes:
+    """Return log-likelihood and its exact slopes from one pass to and fro; the buffers must hold all bounds.
+
+    References
+    ----------
+    Koopman and Shephard (1992), Biometrika 79, 823-826: Exact score for time series models in state space form.
+    """
+    model, last, out = problem.model, problem.epochs.bounds.size - 1, Innovations.of(problem)
+    n = model.size
+    run_block(problem, 0, last, problem.start.state.copy(), problem.start.covariance.copy(), buffers, out)
+    adjoint, information, pull, drive = np.zeros(n), np.zeros((n, n)), np.zeros((last, 3)), np.zeros(n)
+    nowhere = np.empty((0, STATE_COLUMNS)), np.empty((0, n)), np.empty((0, 2))
+    fixed = problem.moves, problem.spans.arguments, model.arguments, buffers.arguments
+    kernels.backward(0, last, *fixed, adjoint, information, *nowhere, pull, drive)
+    here = model.index("wobble")  # its first covariance is that of the long run
+    drive[here] += 0.5 * (adjoint[here] ** 2 - np.diag(information)[here]) * model.steady[here]
+    return Slopes(float(out.score.sum()), pull, drive)

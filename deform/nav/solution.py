@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deform.geometry import earth
-from deform.nav import _kernels_filter as kernels
+from deform.nav import _kernels_state as kernels
 from deform.nav.aiding import MarkAid
 from deform.nav.arm_tilt import tilt_per_epoch
 from deform.nav.filter import Filtered, Problem, run_forward
@@ -62,11 +62,14 @@ def solve(problem: Problem, arms: tuple[Floats, Floats] | None = None) -> Soluti
     worst one beyond the limit loses its weight and everything is solved anew, so that one bad mark does not condemn its
     neighbours.
     """
-    if float(np.max(problem.start.variance[6:9])) > COARSE_RAD**2:
+    if float(np.max(np.diag(problem.start.covariance)[6:9])) > COARSE_RAD**2:
         problem = _restarted(problem)
+    turned = np.empty((problem.epochs.bounds.size, 9))
+    filtered = run_forward(problem, turned)
     if arms is not None:
-        problem = _with_tilt(problem, *arms)
-    problem = learn(problem)
+        tilt = tilt_per_epoch(problem.epochs, turned.reshape(-1, 3, 3), *arms, problem.travel.stationary)
+        problem = replace(problem, travel=replace(problem.travel, tilt=tilt))
+    problem = learn(problem, filtered)
     problem, filtered, smoothed = _without_gross(problem, *_pass(problem))
     return Solution(problem, filtered, smoothed, *misclosures(problem.marks, smoothed))
 
@@ -122,11 +125,3 @@ def _restarted(problem: Problem) -> Problem:
         if turned < RESTART_RAD:
             break
     return problem
-
-
-def _with_tilt(problem: Problem, time: Floats, slope: Floats) -> Problem:
-    """Give the aid the direction of the pipe by the arms, turned level with the attitudes of a forward pass."""
-    turned = np.empty((problem.epochs.bounds.size, 9))
-    run_forward(problem, turned)
-    tilt = tilt_per_epoch(problem.epochs, turned.reshape(-1, 3, 3), time, slope, problem.travel.stationary)
-    return replace(problem, travel=replace(problem.travel, tilt=tilt))

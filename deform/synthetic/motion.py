@@ -155,21 +155,26 @@ def _ride(table: Floats, tool: ToolOptions, rng: np.random.Generator) -> None:
     """Fill roll, wobble and offset of the tool along the line, each with its derivative."""
     s = table[:, 0]
     roll = 2 * np.pi * tool.roll_turns_per_km / 1000.0 * rng.choice([-1.0, 1.0])
-    _waves(table, ROLL, s, np.radians(6.0) * (tool.roll_turns_per_km > 0), (40.0, 500.0), rng)
+    _waves(table, ROLL, np.radians(6.0) * (tool.roll_turns_per_km > 0), (40.0, 500.0), rng)
     table[:, ROLL] += rng.uniform(-np.pi, np.pi) * (tool.roll_turns_per_km > 0) + roll * s
     table[:, ROLL + 1] += roll
     for column in (YAW, TILT):
-        _waves(table, column, s, np.radians(tool.wobble_deg), tool.wobble_length_m, rng)
-    for column, rest in ((RIGHT, 0.0), (ABOVE, -1.0)):
-        _waves(table, column, s, 0.7 * tool.offset_m, (5.0, 120.0), rng)
+        _waves(table, column, np.radians(tool.wobble_deg), tool.wobble_length_m, rng, tool.wobble_waves, tool.wobble_slope)
+    for column, wobble, rest in ((RIGHT, YAW, 0.0), (ABOVE, TILT, -1.0)):
+        _waves(table, column, 0.7 * tool.offset_m, (5.0, 120.0), rng)
         table[:, column] += rest * tool.offset_m
+        table[:, column : column + 2] -= tool.wobble_pivot_m * table[:, wobble : wobble + 2]
 
 
-def _waves(table: Floats, column: int, s: Floats, sigma: float, lengths: tuple[float, float], rng: np.random.Generator) -> None:
-    """Add sinusoids of a standard deviation in all, the longer the larger, to a column, their derivative to the next one."""
-    wavelengths = np.exp(rng.uniform(np.log(lengths[0]), np.log(lengths[1]), 10))
-    amplitudes = sigma * np.sqrt(2.0 * wavelengths / wavelengths.sum())
-    for amplitude, wavelength, phase in zip(amplitudes, wavelengths, rng.uniform(0, 2 * np.pi, 10), strict=True):
+def _waves(
+    table: Floats, column: int, sigma: float, lengths: tuple[float, float], rng: np.random.Generator, n: int = 10, slope: float = 1.0
+) -> None:
+    """Add sinusoids of a standard deviation in all to a column, their derivative to the next one; see `ToolOptions`."""
+    s = table[:, 0]
+    wavelengths = np.exp(rng.uniform(np.log(lengths[0]), np.log(lengths[1]), n))
+    power = wavelengths**slope
+    amplitudes = sigma * np.sqrt(2.0 * power / power.sum())
+    for amplitude, wavelength, phase in zip(amplitudes, wavelengths, rng.uniform(0, 2 * np.pi, n), strict=True):
         k = 2 * np.pi / wavelength
         table[:, column] += amplitude * np.sin(k * s + phase)
         table[:, column + 1] += amplitude * k * np.cos(k * s + phase)

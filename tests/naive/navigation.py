@@ -24,6 +24,7 @@ def preintegrate(counts, distance, first, last):
         np.zeros((3, 3)),
         np.zeros((3, 3)),
     )
+    turn_shear, force_shear = np.zeros((3, 3)), np.zeros((3, 5))
     for i in range(1, last - first + 1):
         dt = counts.time[first + i] - counts.time[first + i - 1]
         ds = distance[first + i] - distance[first + i - 1]
@@ -31,12 +32,16 @@ def preintegrate(counts, distance, first, last):
         push = R @ (a + 0.5 * np.cross(g, a) + np.cross(g, np.cross(g, a)) / 6.0 + (np.cross(p, a) + np.cross(b, g)) / 12.0)
         P, V = P + dt * (V + 0.5 * push), V + push
         Sg, Sa = Sg + R * g, Sa + R * a
+        turn_shear += R @ np.array([[0, 0, g[2]], [g[0], g[2], 0], [0, 0, 0]])
+        force_shear += R @ np.array([[a[2], 0, 0, a[1], 0], [0, a[0], a[2], 0, 0], [a[0], 0, 0, 0, a[1]]])
         following = R @ rotation_vector_to_matrix(g + np.cross(p, g) / 12.0)
         A, G, R = A + 0.5 * dt * (R + following), G + 0.5 * ds * (R + following), following
     row = np.zeros(k.COLUMNS)
     row[: k.DURATION] = np.concatenate([R.ravel(), V, P, A.ravel(), G.ravel(), Sg.ravel(), Sa.ravel()])
     row[k.DURATION], row[k.TRAVEL] = counts.time[last] - counts.time[first], distance[last] - distance[first]
     row[k.SENSE] = 1.0
+    row[k.TURN_BY_SHEAR : k.TURN_BY_SHEAR + 9] = turn_shear.ravel()
+    row[k.FORCE_BY_SHEAR : k.FORCE_BY_SHEAR + 15] = force_shear.ravel()
     return row
 
 

@@ -9,10 +9,11 @@ import pytest
 
 from deform.geometry import earth
 from deform.geometry.rotation import rotation_vector_to_matrix
-from deform.nav import _kernels_filter as kernels
+from deform.nav import _kernels, _kernels_model
+from deform.nav import _kernels_state as kernels
 from deform.nav.aiding import mark_aid, travel_aid
 from deform.nav.error_model import compose
-from deform.nav.filter import Buffers, Problem, Start, run_block, run_forward
+from deform.nav.filter import Buffers, Innovations, Problem, Start, run_block, run_forward
 from deform.nav.reverse import run_backward
 from deform.nav.smoother import smooth
 from deform.nav.solution import misclosures
@@ -44,7 +45,7 @@ def problem_of(model="full", duration=700.0, seed=0, marks_every=200.0, mark_sig
     state = np.zeros(kernels.STATE_COLUMNS)
     turn = noise.standard_normal(3) * np.sqrt(variance[6:9])
     state[:3], state[6:15] = run.places[0], (rotation_vector_to_matrix(turn) @ run.attitudes[0]).ravel()
-    return run, Problem(epochs, travel, marks, error_model, Start(state, variance))
+    return run, Problem(epochs, travel, marks, error_model, Start(state, np.diag(variance)))
 
 
 def errors(run, problem, states):
@@ -68,33 +69,26 @@ def test_smoother_equals_the_plain_twin():
     _, problem = problem_of(duration=260.0, marks_every=20.0)
     n_bounds, n = problem.epochs.bounds.size, problem.model.size
     buffers = Buffers.of(n, n_bounds)
-    x, P = problem.start.state.copy(), np.diag(problem.start.variance)
-    residuals, news = np.empty((n_bounds - 1, 3)), np.empty((problem.marks.epoch.size, 6))
-    run_block(problem, 0, n_bounds - 1, x, P, True, buffers, residuals, news, np.zeros(3))
+    x, P = problem.start.state.copy(), problem.start.covariance.copy()
+    run_block(problem, 0, n_bounds - 1, x, P, buffers, Innovations.of(problem))
     smoothed = smooth(problem, run_forward(problem))
     transitions, predicted = [], [buffers.covariances[0]]
-    model = problem.model
-    walk, travel_walk, tau, reach, steady, unknown = model.arguments
+    model, travel, table = problem.model, problem.travel, problem.epochs.table
+    F, J, D, axes = np.empty((9, n)), np.empty((3, n)), np.empty(3), np.empty((3, 3))
+    row, decay, Q = np.empty(table.shape[1]), np.ones(n), np.zeros(n)
+    at, reckoned, *noise = model.arguments
     for k in range(n_bounds - 1):
-        F, J, D, axes = np.empty((9, n)), np.empty((3, n)), np.empty(3), np.empty((3, 3))
-        row, decay, Q = np.empty(problem.epochs.table.shape[1]), np.ones(n), np.zeros(n)
-        s = buffers.states[k]
-        kernels.correct_row(problem.epochs.table[k], s[15:18], s[18:21], s[21:24], s[24:27], row)
-        kernels.track_axes(row, s[6:15].reshape(3, 3), axes)
-        change = problem.travel.speeds[k + 1] - problem.travel.speeds[k]
-        kernels.odometer_step(row, s, axes, change, problem.travel.tilt[k], D)
-        kernels.lead(row, s, model.at, False, F, J, D, axes, change, problem.travel.tilt[k])
-        kernels.process(row, model.at, walk, travel_walk, tau, steady, unknown, False, problem.travel.variance[k], axes, decay, Q)
+        s, change = buffers.states[k], travel.speeds[k + 1] - travel.speeds[k]
+        _kernels.correct_row(table[k], s[15:35], row)
+        _kernels_model.track_axes(row, s[6:15].reshape(3, 3), axes)
+        _kernels_model.odometer_step(row, s, axes, change, travel.tilt[k], D)
+        _kernels_model.odometer_rows(row, s, at, axes, change, travel.tilt[k], D, J)
+        _kernels_model.lead(row, s, at, False, axes, J, F)
+        _kernels_model.process(row, at, *noise, reckoned, travel.variance[k], axes, decay, Q)
         full = np.diag(decay)
         full[:9] = F
-        matrix, noise, w = np.eye(n), np.diag(Q), model.index("wobble").start
-        for c in range(2):
-            i, j = w + c, w + 2 + c
-            a = np.array(kernels.sway_matrix(abs(row[kernels.TRAVEL]), reach[i])).reshape(2, 2)
-            matrix[np.ix_([i, j], [i, j])] = a
-            noise[np.ix_([i, j], [i, j])] += np.diag([steady[i], steady[j]]) - a @ np.diag([steady[i], steady[j]]) @ a.T
-        transitions.append(matrix @ full)
-        predicted.append(transitions[-1] @ buffers.covariances[k] @ transitions[-1].T + noise)
+        transitions.append(full)
+        predicted.append(full @ buffers.covariances[k] @ full.T + np.diag(Q))
     # errors against the filtered states: the filter's own error estimate is zero behind each feedback, the next state is known
     jumps = np.zeros((n_bounds, n))
     _, covariances = naive.rauch_tung_striebel(jumps, buffers.covariances[:n_bounds], predicted, transitions)
@@ -139,7 +133,7 @@ def test_reverse_processing_agrees_within_its_sigma():
     end = np.zeros(kernels.STATE_COLUMNS)
     end[:3], end[3:6], end[6:15] = run.places[-1], run.velocities[-1], run.attitudes[-1].ravel()
     back = run_backward(problem, end, variance)
-    truth = Start(smoothed.states[0], smoothed.sigma[0] ** 2)
+    truth = Start(smoothed.states[0], np.diag(smoothed.sigma[0] ** 2))
     again = run_backward(replace(problem, start=truth), end, variance)
     assert np.abs(again.difference[:3] / again.sigma[:3]).max() < 4.0
     assert np.abs(again.difference[6:9] / again.sigma[6:9]).max() < 4.0

@@ -7,7 +7,9 @@ import pytest
 
 from deform.geometry import earth
 from deform.geometry.rotation import matrix_to_rotation_vector, rotation_vector_to_matrix
-from deform.nav import _kernels, _kernels_filter
+from deform.nav import _kernels
+from deform.nav import _kernels_model as moves
+from deform.nav import _kernels_state as state
 from deform.nav.error_model import compose
 from deform.nav.strapdown import epoch_bounds, mechanize, preintegrate
 from deform.run.raw import RunHeader
@@ -78,10 +80,13 @@ def test_dead_reckoned_travel_of_a_perfect_tool_is_its_path(run, epochs):
 
 
 def state_of(run, epochs, k):
-    x = np.zeros(_kernels_filter.STATE_COLUMNS)
+    x = np.zeros(state.STATE_COLUMNS)
     i = epochs.bounds[k]
     x[:3], x[3:6], x[6:15] = run.places[i], run.velocities[i], run.attitudes[i].ravel()
     return x
+
+
+TILT = np.array([0.01, -0.02, 0.015, 0.005])
 
 
 def test_transition_is_the_derivative_of_the_mechanization(run, epochs):
@@ -93,25 +98,26 @@ def test_transition_is_the_derivative_of_the_mechanization(run, epochs):
     steps = np.full(n, 1e-4)
     steps[0:3], steps[3:6], steps[6:9] = 10.0, 1e-2, 1e-6
     steps[model.index("gyro_bias")], steps[model.index("accel_bias")] = 1e-7, 1e-4
-    steps[model.index("gyro_scale")], steps[model.index("accel_scale")] = 1e-5, 1e-5
+    for name in ("gyro_scale", "accel_scale", "gyro_shear", "accel_shear"):
+        steps[model.index(name)] = 1e-5
 
     def after(sign, i):
         x, dx = x0.copy(), np.zeros(n)
         dx[i] = sign * steps[i]
-        _kernels_filter.feed_back(x, dx, model.at)
+        state.feed_back(x, dx, model.at)
         place, v, C = np.empty(3), np.empty(3), np.empty((3, 3))
-        _kernels.correct_row(epochs.table[k], x[15:18], x[18:21], x[21:24], x[24:27], row)
+        _kernels.correct_row(epochs.table[k], x[15:35], row)
         matrix = x[6:15].reshape(3, 3)
         _kernels.advance(row, x[0:3], x[3:6], matrix, place, v, C)
-        _kernels_filter.track_axes(row, matrix, axes)
-        _kernels_filter.odometer_step(row, x, axes, 0.1, np.array([0.01, -0.02]), D)
+        moves.track_axes(row, matrix, axes)
+        moves.odometer_step(row, x, axes, 0.1, TILT, D)
         return place, v, C, D.copy()
 
-    _kernels.correct_row(epochs.table[k], x0[15:18], x0[18:21], x0[21:24], x0[24:27], row)
-    _kernels_filter.track_axes(row, x0[6:15].reshape(3, 3), axes)
-    _kernels_filter.odometer_step(row, x0, axes, 0.1, np.array([0.01, -0.02]), D)
-    _kernels_filter.transition(row, x0, model.at, F, J, D)
-    _kernels_filter.travel_parameters(row, model.at, axes, 0.1, np.array([0.01, -0.02]), J)
+    _kernels.correct_row(epochs.table[k], x0[15:35], row)
+    moves.track_axes(row, x0[6:15].reshape(3, 3), axes)
+    moves.odometer_step(row, x0, axes, 0.1, TILT, D)
+    moves.transition(row, x0, model.at, F)
+    moves.odometer_rows(row, x0, model.at, axes, 0.1, TILT, D, J)
     for i in range(n):
         (p1, v1, C1, d1), (p0, v0, C0, d0) = after(1, i), after(-1, i)
         numeric = np.concatenate([_kernels.place_difference(p1, p0), v1 - v0, matrix_to_rotation_vector(C1 @ C0.T)]) / (

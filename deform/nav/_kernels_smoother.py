@@ -1,0 +1,148 @@
+"""Numba kernels of the smoother: what the filter kept in, states from all data, sigmas and slopes of the likelihood out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from deform.nav._kernels import COLUMNS, GAP, PARAMETERS, correct_row
+from deform.nav._kernels_filter import OTHER, direction_rows
+from deform.nav._kernels_model import (
+    SUMS,
+    adjoint_lead,
+    lead,
+    odometer_rows,
+    odometer_step,
+    process,
+    track_axes,
+    unit_row,
+)
+from deform.nav._kernels_state import B_DISTANCE, MATRIX, NAVIGATED, adjoint_begin_anew, feed_back
+
+PARAMETERS_EVERY = 10  # bounds between two sigmas of the instruments' parameters; in between the last one holds
+
+
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
+def adjoint_measure(adjoint, information, H, K, innovation, s, g):
+    """Take one scalar measurement back: adjoint (n) and information (n, n) before it from those behind it.
+
+    Returns the slope of the log-likelihood to the measurement's variance, ½ (u² - D) of Koopman's smoothing of disturbances.
+    """
+    n = adjoint.size
+    along, square = 0.0, 0.0
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += information[i, j] * K[j]
+        g[i] = total
+    for i in range(n):
+        along += K[i] * adjoint[i]
+        square += K[i] * g[i]
+    push = along + innovation / s
+    weight = square + 1.0 / s
+    for i in range(n):
+        adjoint[i] -= H[i] * push
+    for i in range(n):
+        for j in range(i, n):
+            information[i, j] += -H[i] * g[j] - g[i] * H[j] + H[i] * H[j] * weight
+            information[j, i] = information[i, j]
+    return 0.5 * (push * push - weight)
+
+
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
+def smoothed_sigma(P, information, wanted, g, sigma):
+    """Fill sigma of the first ``wanted`` states: root of the diagonal of P - P information P."""
+    n = P.shape[0]
+    for i in range(wanted):
+        sigma[i] = math.sqrt(max(P[i, i] - reduction(P[i], information, g), 0.0))
+
+
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
+def reduction(p, information, g):
+    """p' information p."""
+    n = p.size
+    for j in range(n):
+        g[j] = 0.0
+    for m in range(n):
+        for j in range(n):
+            g[j] += p[m] * information[m, j]
+    total = 0.0
+    for j in range(n):
+        total += g[j] * p[j]
+    return total
+
+
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
+def direction_sigma(P, information, axes, J, h, Ph, g, sigma):
+    """Fill sigma (2,) of the pipe's direction to the right and up from its derivative J: root of h' (P - P information P) h."""
+    n = P.shape[0]
+    for c in range(2):
+        variance = 0.0
+        for j in range(n):
+            h[j] = axes[1 + c, 0] * J[0, j] + axes[1 + c, 1] * J[1, j] + axes[1 + c, 2] * J[2, j]
+        for i in range(n):
+            Ph[i] = 0.0
+            for j in range(n):
+                Ph[i] += P[i, j] * h[j]
+            variance += h[i] * Ph[i]
+        sigma[c] = math.sqrt(max(variance - reduction(Ph, information, g), 0.0))
+
+
+@njit(cache=True, error_model="numpy")
+def backward(first, last, travel, span, noise, buffers, adjoint, information, smooth, sigma, direction, pull, drive):
+    """Smooth the bounds ``first`` ... ``last`` from the buffers of `forward`; adjoint and information come from behind ``last``.
+
+    Modified Bryson-Frazier: x_s = x - P adjoint, P_s = P - P information P, with both behind the measurements of the bound.
+    Fills smooth (bound, STATE_COLUMNS), sigma (bound, n) and direction (bound, 2), sigma of the pipe's direction to the right
+    and up; none of them when smooth has no rows.
+
+    Slopes of the log-likelihood: ``pull`` (epoch, 3) to the variances of the displacement, ``drive`` (n,) to the logarithm of
+    each state's process noise (Koopman 1993; Koopman and Shephard 1992); none when pull has no rows.
+    """
+    table, speeds, tilts, R = travel
+    _, _, begins = span
+    at, reckoned, walk, travel_walk, tau, reach, steady, unknown = noise
+    xs, Ps, counts, Hs, Ks, news = buffers
+    n, full = adjoint.size, NAVIGATED + (1 if at[B_DISTANCE] >= 0 else 0)
+    F, J, D, axes, row = np.empty((full, n)), np.empty((3, n)), np.empty(3), np.empty((3, 3)), np.empty(COLUMNS)
+    decay, Q, dx, g, h, a = np.ones(n), np.zeros(n), np.zeros(n), np.empty(n), np.empty(n), np.empty(n)
+    U, unit, no_tilt = np.empty((n, n)), unit_row(), np.zeros(tilts.shape[1])
+    wanted, learns = smooth.shape[0] > 0, pull.shape[0] > 0
+    for k in range(last, first - 1, -1):
+        b = k - first
+        x, P = xs[b], Ps[b]
+        tilt = tilts[k] if k < table.shape[0] else no_tilt
+        if k < table.shape[0]:
+            change = speeds[k + 1] - speeds[k]
+            correct_row(table[k], x[15 : 15 + PARAMETERS], row)
+            track_axes(row, x[MATRIX : MATRIX + 9].reshape((3, 3)), axes)
+            odometer_step(row, x, axes, change, tilt, D)
+            odometer_rows(row, x, at, axes, change, tilt, D, J)
+            lead(row, x, at, reckoned or row[GAP] > 0.0, axes, J, F)
+            process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R[k], axes, decay, Q)
+            if learns:
+                for i in range(n):
+                    drive[i] += 0.5 * (adjoint[i] * adjoint[i] - information[i, i]) * Q[i]
+            adjoint_lead(adjoint, information, F, decay, U, a)
+        if begins.size > 0 and begins[k] > 0:
+            adjoint_begin_anew(adjoint, information, at, begins[k])
+        if wanted:
+            for i in range(n):
+                total = 0.0
+                for j in range(n):
+                    total -= P[i, j] * adjoint[j]
+                dx[i] = total
+            due = k % PARAMETERS_EVERY == 0 or k >= table.shape[0]
+            smoothed_sigma(P, information, n if due else NAVIGATED, g, sigma[k])
+            if not due:
+                sigma[k, NAVIGATED:] = sigma[k + 1, NAVIGATED:]
+            smooth[k] = x
+            feed_back(smooth[k], dx, at)
+            direction_rows(smooth[k], at, axes, tilt, unit, D, J)
+            direction_sigma(P, information, axes, J, h, a, g, direction[k])
+        for j in range(counts[b] - 1, -1, -1):
+            slope = adjoint_measure(adjoint, information, Hs[b, j], Ks[b, j], news[b, j, 0], news[b, j, 1], g)
+            if learns and news[b, j, 2] != OTHER:
+                pull[k, int(news[b, j, 2])] = slope
