@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deform.correlate._kernels import BIN, Band
+from deform.correlate._kernel_types import BIN, Band
 from deform.correlate._seed_kernels import heaviest_chain, search
 from deform.correlate.length_model import length_density
 
@@ -15,6 +15,7 @@ _LONG = 9  # joints of a window that must be found anywhere in the other run
 _SHORT = 4  # joints of a window that must be found near its expected place
 _WINDOWS = 64  # long windows that are looked for, at least
 _NOISE = 0.06  # metre, where nothing is known
+_APART = 300  # columns between the diagonals of two anchors, up to which all that lies between is held
 _CERTAIN = 150.0  # nats of a chain that leave no need to try the other direction
 _TOLERANCE = 0.22  # metre, of one joint's length
 
@@ -74,7 +75,11 @@ def find_seeds(
 def band(n: int, m: int, i: np.ndarray, j: np.ndarray, half_width: int) -> Band:
     """Return the band of the alignment.
 
+    Notes
+    -----
     Between two anchors a row holds the diagonals of both, and all columns between them; it is wider where anchors are far apart.
+    Where the two diagonals lie more than `_APART` columns from each other, each row holds the nearer one alone, so that the band
+    stays linear in length whatever was laid anew.
     """
     if not i.size:
         low, high = np.zeros(n, np.int64), np.full(n, m - 1, np.int64)
@@ -83,10 +88,15 @@ def band(n: int, m: int, i: np.ndarray, j: np.ndarray, half_width: int) -> Band:
         after = np.searchsorted(i, rows, side="right")
         left, right = np.clip(after - 1, 0, i.size - 1), np.clip(after, 0, i.size - 1)
         shift = j - i
-        away = np.minimum(np.abs(rows - i[left]), np.abs(i[right] - rows))
-        half = half_width + (0.7 * np.sqrt(away)).astype(np.int64)
-        low = rows + np.minimum(shift[left], shift[right]) - half
-        high = rows + np.maximum(shift[left], shift[right]) + half
+        before, behind = np.abs(rows - i[left]), np.abs(i[right] - rows)
+        half = half_width + (0.7 * np.sqrt(np.minimum(before, behind))).astype(np.int64)
+        least, most = np.minimum(shift[left], shift[right]), np.maximum(shift[left], shift[right])
+        own = np.where(before <= behind, shift[left], shift[right])
+        apart = most - least > _APART
+        low = rows + np.where(apart, own, least) - half
+        high = rows + np.where(apart, own, most) + half
+        low = np.where(apart, np.minimum(low, j[right] - half), low)
+        high = np.where(apart, np.maximum(high, j[left] + half), high)
         low, high = np.maximum.accumulate(np.clip(low, 0, m - 1)), np.clip(high, 0, m - 1)
         high = np.maximum.accumulate(np.maximum(high, low))
     offset = np.concatenate([[0], np.cumsum(high - low + 1)])
@@ -95,7 +105,7 @@ def band(n: int, m: int, i: np.ndarray, j: np.ndarray, half_width: int) -> Band:
 
 def _information(x: np.ndarray) -> np.ndarray:
     """Nats that each joint of A tells when its length is met again within the tolerance."""
-    density = length_density(x, sigma=0.05)[0]
+    density = length_density(np.diff(x), narrow=0.05, copies=1.0)
     k = np.minimum((np.diff(x) / BIN).astype(int), density.size - 1)
     return np.maximum(-np.log(np.minimum(density[k] * _TOLERANCE, 1.0)), 0.0)
 
