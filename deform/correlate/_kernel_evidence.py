@@ -10,6 +10,7 @@ from numba import njit
 from deform.correlate._kernel_moves import student
 
 LEAST, MOST = 0.02, 20.0  # no single hint weighs more, against or for: the lengths of two or three joints overrule each
+SEAM_STEP = 2.0  # degree
 _HUGE = 1e18
 
 
@@ -18,8 +19,7 @@ class Hints(NamedTuple):
 
     ``class_a`` (traits, n), ``class_b`` (traits, m), ``ratio`` (traits, classes, classes): likelihood ratio of each pair of
     classes; ``label_*``: codes, -1 unknown, and the ratios of equal and of other labels; ``seam_*`` and ``bend_*``: degree, NaN
-    unknown or straight, with the scale of their differences, ``seam_inverse`` one over the density of the clocks of B,
-    ``seam_wrong`` the share of clocks that are of no use, ``bend_spread`` the range of angles that bends have; ``mark_a``
+    unknown or straight; ``seam_ratio`` by difference in steps of `SEAM_STEP`, ``bend_sigma`` the scale of differences, ``bend_spread`` the range of angles that bends have; ``mark_a``
     (n, 2): marker that stands before the weld, -1 none, and how far, metre; ``mark_b``: place of each marker in B, metre;
     ``lock_a``, ``lock_b``: partner of each weld, -1 free; ``forbid_start`` (n + 1), ``forbid``: forbidden partners of each weld.
     """
@@ -33,9 +33,7 @@ class Hints(NamedTuple):
     label_other: float
     seam_a: np.ndarray
     seam_b: np.ndarray
-    seam_inverse: np.ndarray
-    seam_sigma: float
-    seam_wrong: float
+    seam_ratio: np.ndarray
     bend_a: np.ndarray
     bend_b: np.ndarray
     bend_sigma: float
@@ -69,12 +67,11 @@ def _joint(i, j, h):
     if h.seam_a.size:
         d = abs(h.seam_a[i] - h.seam_b[j])
         if d == d:
-            d = min(d, 360.0 - d)
-            w *= min(h.seam_wrong + (1.0 - h.seam_wrong) * h.seam_inverse[j] * student(d, h.seam_sigma, 1), MOST)
+            w *= h.seam_ratio[int(min(d, 360.0 - d) / SEAM_STEP)]
     if h.bend_a.size:
         d = h.bend_a[i] - h.bend_b[j]
         if d == d:
-            w *= min(LEAST + (1.0 - LEAST) * h.bend_spread * student(d, h.bend_sigma, 1), MOST)
+            w *= min(LEAST + (1.0 - LEAST) * h.bend_spread * student(d, h.bend_sigma, 2), MOST)
     return w
 
 

@@ -123,18 +123,14 @@ def move_22(i, j, s, t, f):
 
 @njit(cache=True, error_model="numpy")
 def move_cut(i0, j0, i, j, s, t):
-    """Stretch between (i0, j0) and (i, j) replaced in place: its length is kept, and one of the new joints was cut to fit.
-
-    Which run is the later one is not asked: the piece cut to fit is in either with one half.
-    """
+    """Stretch between (i0, j0) and (i, j) replaced in place: its length is kept, and one of the new joints was cut to fit."""
     a, b = i - i0, j - j0
     r = (s.y[j] - s.y[j0]) - (s.x[i] - s.x[i0])
     if abs(r) > _FIT_M or a + b < 4 or a + b >= s.slack.size:
         return 0.0
     fit = (1.0 - _LOOSE) * student(r, s.slack[a + b], 2) + _LOOSE / (np.pi * (1.0 + r * r))
-    piece_a, piece_b = (s.closing_a[i] - s.closing_a[i0]) / a, (s.closing_b[j] - s.closing_b[j0]) / b
-    old = 0.5 * (t.cut_more ** (a - 1) * piece_b + t.cut_more ** (b - 1) * piece_a)
-    return t.cut * (1.0 - t.cut_more) * old * fit
+    new = np.exp(s.fresh[j] - s.fresh[j0]) * (s.closing[j] - s.closing[j0]) / b
+    return t.cut * (1.0 - t.cut_more) * t.cut_more ** (a - 1) * new * fit
 
 
 @njit(cache=True, error_model="numpy")
@@ -153,3 +149,24 @@ def span(band, i):
     if i < 0 or i >= band.low.size:
         return 1, 0, 0
     return band.low[i], band.high[i], band.offset[i] - band.low[i]
+
+
+@njit(cache=True, error_model="numpy")
+def joint_at(weight, band, i, j):
+    """What the traits say of the joints that end at (i, j) being one; nothing outside the band.
+
+    In a move of one joint against several, the first of the several begins at the same weld as the one.
+    """
+    low, high, o = span(band, i)
+    return weight[o + j] if low <= j <= high else 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def displaced(i, j, band, ev):
+    """What the hints say of two joints against two that end at (i, j), with the weld between them one displaced weld."""
+    w = 1.0
+    if ev.joint.size:
+        w *= joint_at(ev.joint, band, i - 1, j - 1) * joint_at(ev.joint, band, i, j)
+    if ev.weld.size:
+        w *= joint_at(ev.weld, band, i - 1, j - 1)
+    return w

@@ -7,6 +7,8 @@ from numba import njit
 
 from deform.correlate._kernel_moves import (
     begin,
+    displaced,
+    joint_at,
     move_11,
     move_12,
     move_13,
@@ -109,20 +111,16 @@ def _move_into(i, j, s, band, t, ev, best, norm, log_scale, f):
 @njit(cache=True, error_model="numpy")
 def _few(a, b, i, j, s, band, t, ev, f):
     """Weight of a move of a few welds."""
-    if a == 1 and b == 1:
-        w = move_11(i, j, s, t, f)
-        if ev.joint.size:
-            w *= ev.joint[band.offset[i] + j - band.low[i]]
-        return w
+    if a == 2 and b == 2:
+        same, strangers = move_22(i, j, s, t, f)
+        return same * displaced(i, j, band, ev) + strangers
     if a == 1:
-        return move_12(i, j, s, t, f) if b == 2 else move_13(i, j, s, t, f)
-    if b == 1:
-        return move_21(i, j, s, t, f) if a == 2 else move_31(i, j, s, t, f)
-    same, strangers = move_22(i, j, s, t, f)
-    low, high, o = span(band, i - 1)
-    if ev.weld.size and low <= j - 1 <= high:
-        same *= ev.weld[o + j - 1]
-    return same + strangers
+        w = move_11(i, j, s, t, f) if b == 1 else move_12(i, j, s, t, f) if b == 2 else move_13(i, j, s, t, f)
+    else:
+        w = move_21(i, j, s, t, f) if a == 2 else move_31(i, j, s, t, f)
+    if ev.joint.size:
+        w *= joint_at(ev.joint, band, i - a + 1, j - b + 1)
+    return w
 
 
 @njit(cache=True, error_model="numpy")

@@ -14,6 +14,8 @@ from numba import njit
 from deform.correlate._kernel_moves import (
     _FIT_M,
     begin,
+    displaced,
+    joint_at,
     move_11,
     move_12,
     move_13,
@@ -78,21 +80,29 @@ def ahead(s, band, t, ev, best):
                 v = max(v, w) if best else v + w
             if l1 <= j - 2 <= h1:
                 w = total[o1 + j - 2] * move_12(i, j, s, t, f)
+                if joints and w > 0.0:
+                    w *= joint_at(ev.joint, band, i, j - 1)
                 v = max(v, w) if best else v + w
             if l1 <= j - 3 <= h1:
                 w = total[o1 + j - 3] * move_13(i, j, s, t, f)
+                if joints and w > 0.0:
+                    w *= joint_at(ev.joint, band, i, j - 2)
                 v = max(v, w) if best else v + w
             if l2 <= j - 1 <= h2:
                 w = total[o2 + j - 1] * q2 * move_21(i, j, s, t, f)
+                if joints and w > 0.0:
+                    w *= joint_at(ev.joint, band, i - 1, j)
                 v = max(v, w) if best else v + w
             if l2 <= j - 2 <= h2:
                 same, strangers = move_22(i, j, s, t, f)
-                if welds and l1 <= j - 1 <= h1:
-                    same *= ev.weld[o1 + j - 1]
+                if same > 0.0:
+                    same *= displaced(i, j, band, ev)
                 w = total[o2 + j - 2] * q2 * (same + strangers)
                 v = max(v, w) if best else v + w
             if l3 <= j - 1 <= h3:
                 w = total[o3 + j - 1] * q3 * move_31(i, j, s, t, f)
+                if joints and w > 0.0:
+                    w *= joint_at(ev.joint, band, i - 2, j)
                 v = max(v, w) if best else v + w
             if welds:
                 v *= ev.weld[o0 + j]
@@ -211,25 +221,33 @@ def behind(s, band, t, ev, total, norm, log_scale, log_total, best):
                 v = max(v, w) if best else v + w
             if l1 <= j + 2 <= h1:
                 w = rest[r1, j + 2 - l1] * q1 * move_12(i + 1, j + 2, s, t, f)
+                if joints and w > 0.0:
+                    w *= joint_at(ev.joint, band, i + 1, j + 1)
                 v = max(v, w) if best else v + w
             if l1 <= j + 3 <= h1:
                 w = rest[r1, j + 3 - l1] * q1 * move_13(i + 1, j + 3, s, t, f)
+                if joints and w > 0.0:
+                    w *= joint_at(ev.joint, band, i + 1, j + 1)
                 v = max(v, w) if best else v + w
             if l2 <= j + 1 <= h2:
                 w = rest[r2, j + 1 - l2] * q2 * move_21(i + 2, j + 1, s, t, f)
+                if joints and w > 0.0:
+                    w *= joint_at(ev.joint, band, i + 1, j + 1)
                 v = max(v, w) if best else v + w
             if l2 <= j + 2 <= h2:
                 w = rest[r2, j + 2 - l2] * q2
                 same, strangers = move_22(i + 2, j + 2, s, t, f)
+                if same > 0.0:
+                    same *= displaced(i + 2, j + 2, band, ev)
                 if l1 <= j + 1 <= h1:
-                    if welds:
-                        same *= ev.weld[o1 + j + 1]
                     part = np.float32(total[o0 + j] * w * same)
                     shifted[o1 + j + 1] = max(shifted[o1 + j + 1], part) if best else shifted[o1 + j + 1] + part
                 w *= same + strangers
                 v = max(v, w) if best else v + w
             if l3 <= j + 1 <= h3:
                 w = rest[r3, j + 1 - l3] * q3 * move_31(i + 3, j + 1, s, t, f)
+                if joints and w > 0.0:
+                    w *= joint_at(ev.joint, band, i + 1, j + 1)
                 v = max(v, w) if best else v + w
             if total[o0 + j] > MATTERS:
                 w = _cuts_from(i, j, s, band, t, norm, rest, best)

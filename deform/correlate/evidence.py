@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.ndimage import uniform_filter1d
 
-from deform.correlate._kernel_evidence import LEAST, MOST, Hints, weigh_joints, weigh_welds
+from deform.correlate._kernel_evidence import LEAST, MOST, SEAM_STEP, Hints, weigh_joints, weigh_welds
+from deform.correlate._kernel_moves import student
 from deform.correlate._kernel_types import NOTHING, Band, Evidence
 from deform.correlate.weld_list import WeldList
 from deform.errors import Fault, InputError
@@ -16,6 +18,8 @@ from deform.errors import Fault, InputError
 _CLASSES = 12  # walls beyond so many are measured, not nominal: they are no classes
 _WALL_STEP = 0.0004  # metre; vendors round the same nominal wall differently
 _FEW = 20  # pairs from which a trait is learned
+_APART = (-5, -4, -3, -2, 2, 3, 4, 5)  # joints; how far off the strangers are that a trait is weighed against
+_PRIOR = 10.0  # pairs of strangers as good as the shares of the classes
 _MARK_M = 30.0  # metre; markers of two runs that stand further apart are two
 _INT, _FLOAT = np.empty(0, np.int64), np.empty(0)
 LOCK_COLUMNS = ("run_a", "index_a", "run_b", "index_b", "kind")
@@ -162,7 +166,7 @@ def from_locks(locks: Locks | None, n: int, m: int) -> Hints:
     """Hints of the locked and forbidden pairs alone."""
     none = np.empty((0, 0), np.int64)
     hints = Hints(
-        *(none, none, np.empty((0, 0, 0)), _INT, _INT, 1.0, 1.0, _FLOAT, _FLOAT, _FLOAT, 1.0, 1.0, _FLOAT, _FLOAT, 1.0, 1.0),
+        *(none, none, np.empty((0, 0, 0)), _INT, _INT, 1.0, 1.0, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, 1.0, 1.0),
         *(np.empty((0, 2)), _FLOAT, 1.0, _INT, _INT, _INT, _INT),
     )
     if locks is None or not (locks.locked.size or locks.forbidden.size):
@@ -214,7 +218,7 @@ def learn(base: Hints, a: Traits, b: Traits, x: np.ndarray, y: np.ndarray, partn
             ratio[k, : part.shape[0], : part.shape[0]] = part
         base = base._replace(class_a=np.asarray([c[0] for c in known]), class_b=np.asarray([c[1] for c in known]), ratio=ratio)
     label_a, label_b, same, other = _labels(a.label, b.label, i, j)
-    seam_a, seam_b, seam_inverse, seam_sigma, seam_wrong = _seams(a.seam, b.seam, i, j)
+    seam_a, seam_b, seam_ratio = _seams(a.seam, b.seam, i, j)
     bend_a, bend_b, bend_sigma, spread = _bends(a.bend, b.bend, i, j)
     mark_a, mark_b, mark_sigma = _marks(a, b, x, y, i, j)
     return base._replace(
@@ -224,9 +228,7 @@ def learn(base: Hints, a: Traits, b: Traits, x: np.ndarray, y: np.ndarray, partn
         label_other=other,
         seam_a=seam_a,
         seam_b=seam_b,
-        seam_inverse=seam_inverse,
-        seam_sigma=seam_sigma,
-        seam_wrong=seam_wrong,
+        seam_ratio=seam_ratio,
         bend_a=bend_a,
         bend_b=bend_b,
         bend_sigma=bend_sigma,
@@ -237,19 +239,32 @@ def learn(base: Hints, a: Traits, b: Traits, x: np.ndarray, y: np.ndarray, partn
     )
 
 
+def _strangers(i: np.ndarray, j: np.ndarray, n: int, m: int):
+    """Pairs of joints that are not one but lie near each other: what new pipe, or a match some joints off, would show."""
+    for apart in _APART:
+        there = (j + apart >= 0) & (j + apart < m)
+        yield i[there], j[there] + apart
+
+
 def _classes(class_a, class_b, i, j):
-    """Classes, 0 unknown, and the likelihood ratio of each pair of them; None where all joints are of one class."""
+    """Classes, 0 unknown, and the likelihood ratio of each pair of them; None where all joints are of one class.
+
+    Notes
+    -----
+    Strangers are joints that lie near each other: walls come in spells, and to agree with the wall around proves little.
+    """
     used = np.unique(np.concatenate([class_a, class_b]))
     k = int(used[-1]) + 1
     if used.size == 1 or not (class_a > 0).any() or not (class_b > 0).any():
         return None
     share_a, share_b = (np.bincount(c, minlength=k) / c.size for c in (class_a, class_b))
-    chance = np.outer(share_a, share_b)
-    together = np.zeros((k, k))
+    apart, together = np.outer(share_a, share_b) * _PRIOR, np.zeros((k, k))
+    for p, q in _strangers(i, j, class_a.size, class_b.size):
+        np.add.at(apart, (class_a[p], class_b[q]), 1.0)
+    apart /= apart.sum()
     np.add.at(together, (class_a[i], class_b[j]), 1.0)
-    prior = 10.0
-    ratio = np.clip((together + prior * chance) / (i.size + prior) / np.maximum(chance, 1e-12), LEAST, MOST)
-    return class_a, class_b, ratio
+    ratio = (together + _PRIOR * apart) / (i.size + _PRIOR) / np.maximum(apart, 1e-12)
+    return class_a, class_b, np.clip(ratio, LEAST, MOST)
 
 
 def _wall_classes(a: np.ndarray, b: np.ndarray):
@@ -287,28 +302,33 @@ def _labels(a: np.ndarray, b: np.ndarray, i, j):
 
 
 def _seams(a: np.ndarray, b: np.ndarray, i, j):
-    """Clocks of the seams, those of B turned by the one unknown roll, one over their density, scale of the differences, share wrong."""
-    none = _FLOAT, _FLOAT, _FLOAT, 1.0, 1.0
+    """Clocks of the seams, those of B turned by the one unknown roll, and the likelihood ratio of their differences.
+
+    Notes
+    -----
+    One joint: Student's t about zero, and a share of clocks that are of no use. Strangers: the differences between joints that lie
+    near each other, so that seams which all lie on one side, or alternate, say no more than they can.
+    """
+    none = _FLOAT, _FLOAT, _FLOAT
     difference = np.radians(b[j] - a[i])
     difference = difference[np.isfinite(difference)]
     if difference.size < _FEW:
         return none
-    mean = np.exp(1j * difference).mean()
-    own = [abs(np.nanmean(np.exp(1j * np.radians(v)))) for v in (a, b)]
-    if abs(mean) < max(0.3, 1.1 * own[0] * own[1]):  # no more together than two lines whose seams lie on one side
-        return none
-    turned = (b - np.degrees(np.angle(mean))) % 360.0
+    turned = (b - np.degrees(np.angle(np.exp(1j * difference).mean()))) % 360.0
     for _ in range(2):  # a few wrong clocks pull the mean, not the median
         apart = (turned[j] - a[i] + 180.0) % 360.0 - 180.0
         turned = (turned - float(np.nanmedian(apart))) % 360.0
-    known = turned[np.isfinite(turned)]
-    counts = np.bincount((known / 10.0).astype(int) % 36, minlength=36) + 0.02 * known.size
-    counts = counts + 0.5 * (np.roll(counts, 1) + np.roll(counts, -1))
-    inverse = 10.0 * counts.sum() / counts[np.nan_to_num(turned / 10.0).astype(int) % 36]
-    apart = np.abs(apart[np.isfinite(apart)])
-    sigma = float(np.clip(np.median(apart) / 0.7649, 3.0, 40.0))
-    wrong = 360.0 / (360.0 - 10.0 * sigma) * float(np.mean(apart > 5.0 * sigma)) if sigma < 30.0 else 0.2
-    return np.asarray(a, float), turned, inverse, sigma, float(np.clip(wrong, LEAST, 0.5))
+    same = np.abs(apart[np.isfinite(apart)])
+    sigma = float(np.clip(np.median(same) / 0.69, 2.0, 60.0))
+    wrong = float(np.clip(np.mean(same > 5.0 * sigma) * 180.0 / max(180.0 - 5.0 * sigma, 20.0), LEAST, 1.0))
+    others = np.concatenate([np.abs((turned[q] - a[p] + 180.0) % 360.0 - 180.0) for p, q in _strangers(i, j, a.size, b.size)])
+    edges = np.arange(0.0, 181.0, SEAM_STEP)
+    null = np.histogram(others[np.isfinite(others)], edges)[0] + _PRIOR / edges.size
+    null = uniform_filter1d(null / null.sum() / SEAM_STEP, 9, mode="nearest")  # over 18 degree
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    one = (1.0 - wrong) * 2.0 * np.asarray([student(d, sigma, 3) for d in middle]) + wrong / 180.0
+    ratio = np.clip(one / null, LEAST, MOST)
+    return np.asarray(a, float), turned, np.append(ratio, ratio[-1])
 
 
 def _bends(a: np.ndarray, b: np.ndarray, i, j):

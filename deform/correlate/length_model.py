@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from deform.correlate._kernel_types import BIN, LONGEST_CUT, Lists, Rates
 _UNIFORM = 0.03  # share of the density that is spread over all lengths
 _WIDTHS = 0.1, 0.5  # metre, over which a sparse part of the density is smoothed
 _ENOUGH = 4.0  # joints about a length from which on they say more than their wider surroundings
+_KNOWN = 30.0  # new joints that outweigh what is believed of new pipe beforehand
 _LONGEST = 60.0  # metre; a listed joint beyond it is a hole in the list
 _LEAST_SIGMA, _MOST_SIGMA = 0.004, 0.5  # metre
 _FIT = 0.05  # metre, to which the length of a cut-out is kept
@@ -28,26 +29,30 @@ class LengthModel:
     rates : noise of a joint's length difference and weights of the moves.
     density : density of listed joint lengths (1/m) in bins of 1 cm from zero, one joint's own part in it left out.
     shared : the same of the mean of two listings of one joint: that of the joints themselves, less blurred by noise.
+    fresh : density of the joint lengths of new pipe (1/m), as far as cut-outs have shown it.
     """
 
     rates: Rates
     density: np.ndarray
     shared: np.ndarray
+    fresh: np.ndarray
 
     def lists(self, x: np.ndarray, y: np.ndarray) -> Lists:
         """Two weld lists on one scale, made ready for the kernels."""
-        inv_a, inv_b = self._inverse(x), self._inverse(y)
-        closing_a, closing_b = (np.cumsum(np.minimum(v, _CLOSING)) for v in (inv_a, inv_b))
+        inv_a, inv_b = _inverse(self.density, x), _inverse(self.density, y)
+        piece = _inverse(self.fresh, y)
+        fresh, closing = np.cumsum(np.log(inv_b / piece)), np.cumsum(np.minimum(piece, _CLOSING))
         joints = np.arange(2 * LONGEST_CUT + 1)
         typical = float(np.median(np.diff(x))) if x.size > 1 else 12.0
         spread = self.rates.sigma**2 * 0.5 * joints + _FIT**2 + (_SCALE_ERROR * typical * 0.5 * joints) ** 2
-        return Lists(x, y, inv_a, inv_b, closing_a, closing_b, self.density, self.shared, np.sqrt(spread))
+        return Lists(x, y, inv_a, inv_b, fresh, closing, self.density, self.shared, np.sqrt(spread))
 
-    def _inverse(self, places: np.ndarray) -> np.ndarray:
-        """One over the density at the joint that ends at each weld (metre); 1 at the first weld."""
-        inverse = np.ones(places.size)
-        inverse[1:] = 1.0 / self.density[np.minimum((np.diff(places) / BIN).astype(int), self.density.size - 1)]
-        return inverse
+
+def _inverse(density: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """One over the density at the joint that ends at each weld (metre); 1 at the first weld."""
+    inverse = np.ones(places.size)
+    inverse[1:] = 1.0 / density[np.minimum((np.diff(places) / BIN).astype(int), density.size - 1)]
+    return inverse
 
 
 def first_rates(sigma: float = 0.05, missed: float = 0.01, false: float = 0.01, joint: float = 12.0) -> Rates:
@@ -93,7 +98,15 @@ def alone(places: np.ndarray) -> LengthModel:
 def first_model(sigma: float, *places: np.ndarray) -> LengthModel:
     """Model before any pair of welds is known."""
     density = length_density(*(np.diff(p) for p in places), narrow=0.35 * sigma, copies=1.33)
-    return LengthModel(first_rates(sigma, joint=mean_joint(*places)), density, density)
+    return LengthModel(first_rates(sigma, joint=mean_joint(*places)), density, density, _fresh(density, np.empty(0), sigma))
+
+
+def _fresh(density: np.ndarray, new: np.ndarray, sigma: float) -> np.ndarray:
+    """Density of the lengths of new pipe: half that of the line, half the same smeared, until new joints show their own."""
+    before = 0.5 * density + 0.5 * _smooth(density, _WIDTHS[1])
+    shown = length_density(new, narrow=0.35 * sigma, copies=1.0)
+    shown = np.pad(shown, (0, max(density.size - shown.size, 0)), mode="edge")[: density.size]
+    return (_KNOWN * before + new.size * shown) / (_KNOWN + new.size)
 
 
 def mean_joint(*places: np.ndarray) -> float:
@@ -237,7 +250,8 @@ def reestimate(model: LengthModel, lists: Lists, residuals: np.ndarray, partner:
         mean = 0.5 * (x[at] - x[at - 1] + y[partner[at]] - y[partner[at] - 1])
         shared = length_density(mean, narrow=0.25 * rates.sigma, copies=1.0)
         shared = np.pad(shared, (0, max(density.size - shared.size, 0)), mode="edge")
-    return replace(model, rates=_whole(rates, joint), density=density, shared=shared)
+    new = _new_joints(y, partner, move)
+    return LengthModel(_whole(rates, joint), density, shared, _fresh(density, new, rates.sigma))
 
 
 def _lone(partner: np.ndarray, move: np.ndarray, code: int):
@@ -251,6 +265,16 @@ def _missed_or_false(whole, pieces, missed: float, false: float, at: np.ndarray,
     made_up = false * pieces[of] * pieces[of - 1]
     share = float((real / (real + made_up)).sum())
     return share, at.size - share
+
+
+def _new_joints(y: np.ndarray, partner: np.ndarray, move: np.ndarray) -> np.ndarray:
+    """Lengths of the joints of B in the cut-outs of a path, metre."""
+    held = np.flatnonzero(partner >= 0)
+    ends = np.flatnonzero(move[held] == CUT)
+    inside = np.zeros(y.size + 1, np.int64)
+    np.add.at(inside, partner[held[ends - 1]], 1)
+    np.add.at(inside, partner[held[ends]], -1)
+    return np.diff(y)[np.cumsum(inside)[: y.size - 1] > 0]
 
 
 def _cut_joints(partner: np.ndarray, move: np.ndarray) -> float:

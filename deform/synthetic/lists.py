@@ -102,8 +102,7 @@ def cut_out(
     n_old: int,
     n_new: int | None = None,
     longer: float = 0.0,
-    equal: float = 0.35,
-    pups: float = 0.05,
+    same_mill: bool = True,
 ) -> JointList:
     """The line with the joints between weld ``first`` and weld ``first + n_old`` replaced; both welds stay.
 
@@ -111,10 +110,12 @@ def cut_out(
     ----------
     n_new : number of new joints; None lays joints of the line's lengths until one piece, cut to fit, closes the gap.
     longer : how much longer the new pipe is, metre.
+    same_mill : the new joints have lengths of the line, and hence every third the very length of a third of the old ones; else
+        any length from 7 to 12 m.
     """
     last = first + n_old
     total = old.place[last] - old.place[first] + longer
-    new = _fill(rng, total, n_new, equal, pups)
+    new = _fill(rng, total, n_new) if same_mill else _cut_to_fit(rng, total, n_new or max(1, round(total / 9.8)))
     inner = bare(old.place[first] + np.cumsum(new)[:-1], np.arange(new.size - 1) + old.weld.max() + 1)
     # the joint that begins at the first weld is new as well
     fresh = _with_traits(rng, join(old.take([first]), inner))
@@ -127,10 +128,10 @@ def cut_out(
     )
 
 
-def _fill(rng, total, n_new, equal, pups) -> Floats:
-    """Lengths of new joints of a given total."""
+def _fill(rng: np.random.Generator, total: float, n_new: int | None) -> Floats:
+    """Lengths of new joints of a given total, of the lengths of the line but for one piece."""
     for _ in range(1000):
-        drawn = draw_joints(rng, n_new - 1 if n_new else int(total / 8.0) + 3, equal, pups)
+        drawn = draw_joints(rng, n_new - 1 if n_new else int(total / 8.0) + 3)
         whole = np.cumsum(drawn)
         if n_new or total <= LONGEST_M:
             laid = drawn.size if n_new else 0
@@ -138,22 +139,24 @@ def _fill(rng, total, n_new, equal, pups) -> Floats:
             laid = min(int(np.searchsorted(whole, total - LONGEST_M)) + 1, drawn.size)
         rest = total - (whole[laid - 1] if laid else 0.0)
         if _LEAST_PIECE_M <= rest <= LONGEST_M:
-            new = np.append(drawn[:laid], rest)
-            return np.roll(new, int(rng.integers(new.size)))
-    count = n_new or max(1, round(total / 10.0))  # no such joints have this total: pieces cut to fit
-    parts = rng.uniform(0.7, 1.0, count)
+            return np.roll(np.append(drawn[:laid], rest), int(rng.integers(laid + 1)))
+    return _cut_to_fit(rng, total, n_new or max(1, round(total / 10.0)))  # no such joints have this total
+
+
+def _cut_to_fit(rng: np.random.Generator, total: float, count: int) -> Floats:
+    parts = rng.uniform(0.6, 1.0, count)
     return total * parts / parts.sum()
 
 
 def cut_outs(
-    rng: np.random.Generator, old: JointList, count: int, least: int = 2, most: int = 12
+    rng: np.random.Generator, old: JointList, count: int, least: int = 2, most: int = 12, same_mill: bool = True
 ) -> tuple[JointList, list[tuple[int, int]]]:
     """The line with so many cut-outs of ``least`` to ``most`` joints, and the welds (identities) at both ends of each."""
     starts = np.sort(rng.choice(np.arange(5, old.n - 41, 40), count, replace=False)) if count else np.empty(0, int)
     pieces, ends, done, fresh = [], [], 0, int(old.weld.max()) + 1
     for start in starts:
         n_old = int(rng.integers(least, most + 1))
-        piece = cut_out(rng, old.take(slice(start, start + n_old + 1)), 0, n_old)
+        piece = cut_out(rng, old.take(slice(start, start + n_old + 1)), 0, n_old, same_mill=same_mill)
         inner = piece.weld[1:-1]
         weld = np.concatenate([piece.weld[:1], fresh + np.arange(inner.size), piece.weld[-1:]])
         fresh += inner.size
