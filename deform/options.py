@@ -72,7 +72,7 @@ class MatchOptions:
     """Weld matching."""
 
     scale_range: Positive = 0.05  # largest departure of one run's length from another's
-    band_half_width: Annotated[int, Field(ge=3)] = 7  # welds on each side of the expected partner
+    band_half_width: Annotated[int, Field(ge=3)] = 5  # welds on each side of the expected partner
     least_joint_m: Positive = 0.1  # welds nearer than this are one
     least_evidence_nats: Positive = 15.0  # runs whose lengths speak less than this for one line are refused
     least_probability: Probability = 0.5  # of a pair to be claimed, and of a weld that stands alone to count as one

@@ -13,14 +13,14 @@ from deform.correlate._kernel_types import BIN
 
 _PEAK = np.array([0.0, 2.0 / (np.pi * np.sqrt(3.0)), 0.3849914508322673, 0.39235316414483514])  # Student's t, 3, 7 and 15 degrees, at zero
 _REACH = 15.0  # sigma; a sum of joints that differs more is not the same pipe with a weld missed
-_FIT_M = 6.0  # metre, a replaced stretch that differs more in length is a re-route
+FIT_M = 6.0  # metre, a replaced stretch that differs more in length is a re-route
 _LOOSE = 0.1  # share of the replaced stretches whose length was not kept, within about a metre
 
 
 @njit(cache=True, error_model="numpy")
 def student(r, sigma, shape):
     """Density of Student's t with 3, 7 or 15 degrees of freedom and this scale."""
-    z = 1.0 + r * r / ((2.0 ** (shape + 1) - 1.0) * sigma * sigma)
+    z = 1.0 + r * r / (((2 << shape) - 1) * sigma * sigma)
     z *= z
     if shape > 1:
         z *= z
@@ -31,12 +31,13 @@ def student(r, sigma, shape):
 
 @njit(cache=True, error_model="numpy")
 def noise(t):
-    """Student's t of the rates made ready: factor of the square, peak, shape."""
-    return 1.0 / ((2.0 ** (t.shape + 1) - 1.0) * t.sigma * t.sigma), _PEAK[t.shape] / t.sigma, t.shape
+    """Student's t of the rates made ready: factor of the square, peak, shape, and how far a sum of joints may differ, metre."""
+    return 1.0 / (((2 << t.shape) - 1) * t.sigma * t.sigma), _PEAK[t.shape] / t.sigma, t.shape, _REACH * t.sigma
 
 
 @njit(cache=True, error_model="numpy")
-def _density(r, f):
+def fit(r, f):
+    """Density of a length difference."""
     z = 1.0 + f[0] * r * r
     z *= z
     if f[2] > 1:
@@ -46,91 +47,94 @@ def _density(r, f):
     return f[1] / z
 
 
-@njit(cache=True, error_model="numpy")
-def _at(table, length):
-    return table[min(int(max(length, 0.0) / BIN), table.size - 1)]
+# The next three take numbers alone, for the innermost loops call them: `whole` and `one`, `two`, `three` are one over the
+# densities of the listed joints that end in a cell, the pieces in the order of the list.
 
 
 @njit(cache=True, error_model="numpy")
-def move_11(i, j, s, t, f):
-    """One joint against one, both ending at (i, j): their joint density over the product of the single ones."""
-    u, v = s.x[i] - s.x[i - 1], s.y[j] - s.y[j - 1]
-    return t.same * _density(v - u, f) * _at(s.shared, 0.5 * (u + v)) * s.inv_a[i] * s.inv_b[j]
+def against_two(r, whole, one, two, missed, false, f):
+    """One joint against two: the one run missed the weld between them, or the other made it up."""
+    return fit(r, f) * (missed * whole + false * one * two)
 
 
 @njit(cache=True, error_model="numpy")
-def move_12(i, j, s, t, f):
-    """One joint of A against two of B: a weld missed in A, or a false one in B anywhere in the joint."""
-    r = s.y[j] - s.y[j - 2] - s.x[i] + s.x[i - 1]
-    if abs(r) > _REACH * t.sigma:
-        return 0.0
-    return _density(r, f) * (t.missed_a * s.inv_a[i] + t.false_b * s.inv_b[j] * s.inv_b[j - 1])
+def against_three(r, whole, one, two, three, missed, false, f):
+    """One joint against three: two welds missed, one missed and one false, or two false."""
+    mixed = missed * false * whole * (one + three)
+    return fit(r, f) * (missed * missed * whole + mixed + 2.0 * false * false * one * two * three)
 
 
 @njit(cache=True, error_model="numpy")
-def move_21(i, j, s, t, f):
-    """Two joints of A against one of B."""
-    r = s.y[j] - s.y[j - 1] - s.x[i] + s.x[i - 2]
-    if abs(r) > _REACH * t.sigma:
-        return 0.0
-    return _density(r, f) * (t.missed_b * s.inv_b[j] + t.false_a * s.inv_a[i] * s.inv_a[i - 1])
-
-
-@njit(cache=True, error_model="numpy")
-def move_13(i, j, s, t, f):
-    """One joint of A against three of B: two welds missed, one missed and one false, or two false."""
-    r = s.y[j] - s.y[j - 3] - s.x[i] + s.x[i - 1]
-    if abs(r) > _REACH * t.sigma:
-        return 0.0
-    mixed = t.missed_a * t.false_b * s.inv_a[i] * (s.inv_b[j] + s.inv_b[j - 2])
-    false = 2.0 * t.false_b**2 * s.inv_b[j] * s.inv_b[j - 1] * s.inv_b[j - 2]
-    return _density(r, f) * (t.missed_a**2 * s.inv_a[i] + mixed + false)
-
-
-@njit(cache=True, error_model="numpy")
-def move_31(i, j, s, t, f):
-    """Three joints of A against one of B."""
-    r = s.y[j] - s.y[j - 1] - s.x[i] + s.x[i - 3]
-    if abs(r) > _REACH * t.sigma:
-        return 0.0
-    mixed = t.missed_b * t.false_a * s.inv_b[j] * (s.inv_a[i] + s.inv_a[i - 2])
-    false = 2.0 * t.false_a**2 * s.inv_a[i] * s.inv_a[i - 1] * s.inv_a[i - 2]
-    return _density(r, f) * (t.missed_b**2 * s.inv_b[j] + mixed + false)
-
-
-@njit(cache=True, error_model="numpy")
-def move_22(i, j, s, t, f):
+def two_against_two(r, shift, length, a1, a2, b1, b2, density, t, f):
     """Two joints against two: weight with the weld between them one displaced weld, and with two welds that are strangers.
 
     Strangers are: each run missed the other's weld, each weld is false, or one is false and the other was missed.
     """
-    x, y, inv_a, inv_b = s.x, s.y, s.inv_a, s.inv_b
-    whole = x[i] - x[i - 2]
-    r = y[j] - y[j - 2] - whole
-    if abs(r) > _REACH * t.sigma:
-        return 0.0, 0.0
-    fit = _density(r, f)
-    shift = y[j - 1] - y[j - 2] - x[i - 1] + x[i - 2]
     z = shift / t.shift_m
-    pair_a, pair_b = inv_a[i] * inv_a[i - 1], inv_b[j] * inv_b[j - 1]
-    same = fit * t.shifted * np.sqrt(pair_a * pair_b) / (np.pi * t.shift_m * (1.0 + z * z))
-    ends = inv_a[i] * inv_b[j - 1] if shift > 0 else inv_a[i - 1] * inv_b[j]
-    strangers = t.missed_a * t.missed_b * _at(s.density, abs(shift)) * ends
+    pair_a, pair_b = a1 * a2, b1 * b2
+    near = fit(r, f)
+    same = near * t.shifted * np.sqrt(pair_a * pair_b) / (np.pi * t.shift_m * (1.0 + z * z))
+    ends = a2 * b1 if shift > 0 else a1 * b2
+    strangers = t.missed_a * t.missed_b * at_length(density, abs(shift)) * ends
     strangers += t.missed_a * t.false_a * pair_a + t.missed_b * t.false_b * pair_b
-    strangers += t.false_a * t.false_b * pair_a * pair_b * _at(s.density, whole)
-    return same, fit * strangers
+    strangers += t.false_a * t.false_b * pair_a * pair_b * at_length(density, length)
+    return same, near * strangers
 
 
 @njit(cache=True, error_model="numpy")
-def move_cut(i0, j0, i, j, s, t):
-    """Stretch between (i0, j0) and (i, j) replaced in place: its length is kept, and one of the new joints was cut to fit."""
-    a, b = i - i0, j - j0
-    r = (s.y[j] - s.y[j0]) - (s.x[i] - s.x[i0])
-    if abs(r) > _FIT_M or a + b < 4 or a + b >= s.slack.size:
+def at_length(table, length):
+    """Density at a length."""
+    return table[min(int(max(length, 0.0) / BIN), table.size - 1)]
+
+
+@njit(cache=True, error_model="numpy")
+def few(a, b, i, j, s, band, t, ev, f):
+    """Weight of the move of a joints of A and b of B, three at most, that ends at (i, j)."""
+    x, y, inv_a, inv_b = s.x, s.y, s.inv_a, s.inv_b
+    r = y[j] - y[j - b] - x[i] + x[i - a]
+    if a == 1 and b == 1:
+        w = t.same * fit(r, f) * at_length(s.shared, x[i] - x[i - 1] + 0.5 * r) * inv_a[i] * inv_b[j]
+    elif abs(r) >= f[3]:
         return 0.0
-    fit = (1.0 - _LOOSE) * student(r, s.slack[a + b], 2) + _LOOSE / (np.pi * (1.0 + r * r))
-    new = np.exp(s.fresh[j] - s.fresh[j0]) * (s.closing[j] - s.closing[j0]) / b
-    return t.cut * (1.0 - t.cut_more) * t.cut_more ** (a - 1) * new * fit
+    elif a == 2 and b == 2:
+        shift, length = y[j - 1] - y[j - 2] - x[i - 1] + x[i - 2], x[i] - x[i - 2]
+        same, strangers = two_against_two(r, shift, length, inv_a[i - 1], inv_a[i], inv_b[j - 1], inv_b[j], s.density, t, f)
+        return same * displaced(i, j, band, ev) + strangers
+    elif a == 1 and b == 2:
+        w = against_two(r, inv_a[i], inv_b[j - 1], inv_b[j], t.missed_a, t.false_b, f)
+    elif a == 1:
+        w = against_three(r, inv_a[i], inv_b[j - 2], inv_b[j - 1], inv_b[j], t.missed_a, t.false_b, f)
+    elif a == 2:
+        w = against_two(r, inv_b[j], inv_a[i - 1], inv_a[i], t.missed_b, t.false_a, f)
+    else:
+        w = against_three(r, inv_b[j], inv_a[i - 2], inv_a[i - 1], inv_a[i], t.missed_b, t.false_a, f)
+    if ev.joint.size:
+        w *= joint_at(ev.joint, band, i - a + 1, j - b + 1)
+    return w
+
+
+@njit(cache=True, error_model="numpy")
+def cut_table(s, t):
+    """Factor of the square, peak (by joints in both runs) and weight (by joints of A) of stretches replaced in place."""
+    table = np.zeros((s.slack.size, 3))
+    for k in range(1, s.slack.size):
+        table[k, 0], table[k, 1] = 1.0 / (7.0 * s.slack[k] ** 2), (1.0 - _LOOSE) * _PEAK[2] / s.slack[k]
+        table[k, 2] = t.cut * (1.0 - t.cut_more) * t.cut_more ** (k - 1)
+    return table
+
+
+@njit(cache=True, error_model="numpy")
+def move_cut(r, a, b, fresh, closing, table):
+    """Stretch of a joints replaced in place by b: its length is kept, and one of the new joints was cut to fit.
+
+    ``r`` is the difference of its length, ``fresh`` and ``closing`` what `Lists` holds of the new joints together.
+    """
+    if a + b < 4 or a + b >= table.shape[0]:
+        return 0.0
+    z = 1.0 + table[a + b, 0] * r * r
+    z *= z
+    kept = table[a + b, 1] / (z * z) + _LOOSE / (np.pi * (1.0 + r * r))
+    return table[a, 2] * kept * np.exp(fresh) * closing / b
 
 
 @njit(cache=True, error_model="numpy")

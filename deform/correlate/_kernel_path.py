@@ -5,22 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from deform.correlate._kernel_moves import (
-    begin,
-    displaced,
-    joint_at,
-    move_11,
-    move_12,
-    move_13,
-    move_21,
-    move_22,
-    move_31,
-    move_cut,
-    noise,
-    span,
-)
+from deform.correlate._kernel_moves import FIT_M, begin, cut_table, few, move_cut, noise, span
 from deform.correlate._kernel_types import LONGEST_CUT
 
+_ROUNDING = 1e-6  # of a weight, of places of a thousand kilometres in double precision
 BEGIN, CUT, REROUTE = 0, 1, 2  # beside 11, 12, 21, 13, 31 and 22
 
 
@@ -36,20 +24,20 @@ def trace_back(s, band, t, ev, best, norm, log_scale):
     -------
     partner : (n) weld of B, -1 none.
     move : (n) the move that ends there.
-    slack : least way of the path to the edge of the band.
+    slack : (n) way of the path to the edge of the band; large where none.
     """
     n, m = s.x.size, s.y.size
-    f = noise(t)
+    f, table = noise(t), cut_table(s, t)
     partner, move = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
     i, j = _last(best, log_scale, band, m, t)
-    slack = m
+    slack = np.full(n, m)
     while i >= 0:
         if band.low[i] > 0:
-            slack = min(slack, j - band.low[i])
+            slack[i] = min(slack[i], j - band.low[i])
         if band.high[i] < m - 1:
-            slack = min(slack, band.high[i] - j)
+            slack[i] = min(slack[i], band.high[i] - j)
         partner[i] = j
-        step, a, b = _move_into(i, j, s, band, t, ev, best, norm, log_scale, f)
+        step, a, b = _move_into(i, j, s, band, t, ev, best, norm, log_scale, f, table)
         move[i] = step
         if step == BEGIN:
             break
@@ -77,50 +65,40 @@ def _value(i, j, band, best):
 
 
 @njit(cache=True, error_model="numpy")
-def _move_into(i, j, s, band, t, ev, best, norm, log_scale, f):
+def _move_into(i, j, s, band, t, ev, best, norm, log_scale, f, table):
     """The heaviest move into a cell: its kind, and the joints of A and of B that it consumes."""
     low, _, o = span(band, i)
+    value = best[o + j] * norm[i] * (1.0 - _ROUNDING)
+    if ev.weld.size:
+        value /= ev.weld[o + j]
     step, a_best, b_best = BEGIN, 0, 0
     top = begin(i, j, t) * (np.exp(-max(log_scale[i - 1], -600.0)) if i > 0 else 1.0)
     unit = 1.0
-    for a in range(1, min(LONGEST_CUT, i) + 1):
-        for b in range(1, 4):
-            if a > 3 or a * b > 4 or (a == 1 and b > 3) or j - b < 0:
+    for a in range(1, min(3, i) + 1):
+        for b in range(1, min(3, j) + 1):
+            if a * b > 4 or (a > 2 and b > 1) or (b > 2 and a > 1):
                 continue
-            v = _value(i - a, j - b, band, best) * unit
-            if v <= 0.0:
-                continue
-            w = v * _few(a, b, i, j, s, band, t, ev, f)
+            w = _value(i - a, j - b, band, best) * unit
+            if w > 0.0:
+                w *= few(a, b, i, j, s, band, t, ev, f)
             if w > top:
                 top, step, a_best, b_best = w, 10 * a + b, a, b
-        for b in range(1, min(s.slack.size - a, j + 1)):
-            v = _value(i - a, j - b, band, best) * unit
-            if v > 0.0:
-                w = v * move_cut(i - a, j - b, i, j, s, t)
-                if w > top:
-                    top, step, a_best, b_best = w, CUT, a, b
+                if w >= value:  # no other can be heavier
+                    return step, a, b
         unit /= norm[i - a]
-    value = best[o + j] * norm[i]
-    if ev.weld.size:
-        value /= ev.weld[o + j]
-    if top < value * (1.0 - 1e-9):
-        return _reroute_into(i, j, value, band, t, best, log_scale)
-    return step, a_best, b_best
-
-
-@njit(cache=True, error_model="numpy")
-def _few(a, b, i, j, s, band, t, ev, f):
-    """Weight of a move of a few welds."""
-    if a == 2 and b == 2:
-        same, strangers = move_22(i, j, s, t, f)
-        return same * displaced(i, j, band, ev) + strangers
-    if a == 1:
-        w = move_11(i, j, s, t, f) if b == 1 else move_12(i, j, s, t, f) if b == 2 else move_13(i, j, s, t, f)
-    else:
-        w = move_21(i, j, s, t, f) if a == 2 else move_31(i, j, s, t, f)
-    if ev.joint.size:
-        w *= joint_at(ev.joint, band, i - a + 1, j - b + 1)
-    return w
+    unit = 1.0
+    for a in range(1, min(LONGEST_CUT, i) + 1 if top < value else 0):
+        for b in range(1, min(s.slack.size - a, j + 1)):
+            r = s.y[j] - s.y[j - b] - s.x[i] + s.x[i - a]
+            w = _value(i - a, j - b, band, best) * unit
+            if abs(r) <= FIT_M and w > 0.0:
+                w *= move_cut(r, a, b, s.fresh[j] - s.fresh[j - b], s.closing[j] - s.closing[j - b], table)
+            else:
+                w = 0.0
+            if w > top:
+                top, step, a_best, b_best = w, CUT, a, b
+        unit /= norm[i - a]
+    return _reroute_into(i, j, value, band, t, best, log_scale) if top < value else (step, a_best, b_best)
 
 
 @njit(cache=True, error_model="numpy")
@@ -134,6 +112,6 @@ def _reroute_into(i, j, value, band, t, best, log_scale):
             w = best[o + j0] * unit * t.reroute_more ** (j - j0)
             if w > top:
                 top, at_i, at_j = w, i0, j0
-        if top > value * (1.0 - 1e-6):
+        if top > value * (1.0 - _ROUNDING):
             break
     return (REROUTE, i - at_i, j - at_j) if at_i >= 0 else (BEGIN, 0, 0)

@@ -12,23 +12,22 @@ import numpy as np
 from numba import njit
 
 from deform.correlate._kernel_moves import (
-    _FIT_M,
+    FIT_M,
+    against_three,
+    against_two,
     begin,
+    cut_table,
     displaced,
+    fit,
     joint_at,
-    move_11,
-    move_12,
-    move_13,
-    move_21,
-    move_22,
-    move_31,
     move_cut,
     noise,
     span,
+    two_against_two,
 )
-from deform.correlate._kernel_types import LONGEST_CUT
+from deform.correlate._kernel_types import BIN, LONGEST_CUT
 
-MATTERS = 1e-10  # of the row's largest weight; a cell with less begins no cut-out
+MATTERS = 1e-5  # of the row's largest weight; a cell with less begins no cut-out
 
 
 @njit(cache=True, error_model="numpy")
@@ -43,7 +42,9 @@ def ahead(s, band, t, ev, best):
     log_total : logarithm of the weight of all alignments, or of the best; that of none at all, both runs strangers, is 0.
     """
     n, m = s.x.size, s.y.size
-    f = noise(t)
+    x, y, inv_a, inv_b, shared = s.x, s.y, s.inv_a, s.inv_b, s.shared
+    last = shared.size - 1
+    f, table = noise(t), cut_table(s, t)
     total, norm, log_scale = np.zeros(band.offset[n]), np.ones(n), np.zeros(n)
     opened, before, folded = np.zeros(m), 0.0, band.low[0]  # re-routes open at each column, and at all before the band
     width = (band.high - band.low).max() + 1
@@ -58,52 +59,63 @@ def ahead(s, band, t, ev, best):
         l3, h3, o3 = span(band, i - 3)
         q2 = 1.0 / norm[i - 1] if i > 1 else 1.0
         q3 = q2 / norm[i - 2] if i > 2 else 1.0
-        start = np.exp(-max(log_scale[i - 1], -600.0)) if i > 0 else 1.0
+        may_begin = i == 0 or low == 0 or i + low < 400
+        start = np.exp(-max(log_scale[i - 1], -600.0)) if i > 0 and may_begin else 1.0
         while folded < low:
             before = t.reroute_more * (max(before, opened[folded]) if best else before + opened[folded])
             folded += 1
-        _cuts_into(i, s, band, t, total, norm, column, pointer, count, cuts, best)
+        _cuts_into(i, x, y, s.fresh, s.closing, band.low, band.offset, band.high, table, total, norm, column, pointer, count, cuts, best)
         open_, top = before, 0.0
+        u1 = x[i] - x[i - 1] if i > 0 else 0.0
+        u2, u3 = x[i] - x[max(i - 2, 0)], x[i] - x[max(i - 3, 0)]
+        a1, a2, a3 = inv_a[i], inv_a[max(i - 1, 0)], inv_a[max(i - 2, 0)]
         for j in range(low, high + 1):
             v = cuts[j - low]
             cuts[j - low] = 0.0
-            w = start * begin(i, j, t)
-            v = max(v, w) if best else v + w
+            if may_begin:
+                w = start * begin(i, j, t)
+                v = max(v, w) if best else v + w
             if j > low:
                 open_ = t.reroute_more * (max(open_, opened[j - 1]) if best else open_ + opened[j - 1])
             w = t.reroute * open_
             v = max(v, w) if best else v + w
             if l1 <= j - 1 <= h1:
-                w = total[o1 + j - 1] * move_11(i, j, s, t, f)
+                r = y[j] - y[j - 1] - u1
+                w = total[o1 + j - 1] * t.same * fit(r, f) * shared[min(int((u1 + 0.5 * r) / BIN), last)] * a1 * inv_b[j]
                 if joints:
                     w *= ev.joint[o0 + j]
                 v = max(v, w) if best else v + w
             if l1 <= j - 2 <= h1:
-                w = total[o1 + j - 2] * move_12(i, j, s, t, f)
-                if joints and w > 0.0:
-                    w *= joint_at(ev.joint, band, i, j - 1)
-                v = max(v, w) if best else v + w
+                r = y[j] - y[j - 2] - u1
+                if abs(r) < f[3]:
+                    w = total[o1 + j - 2] * against_two(r, a1, inv_b[j - 1], inv_b[j], t.missed_a, t.false_b, f)
+                    w *= joint_at(ev.joint, band, i, j - 1) if joints else 1.0
+                    v = max(v, w) if best else v + w
             if l1 <= j - 3 <= h1:
-                w = total[o1 + j - 3] * move_13(i, j, s, t, f)
-                if joints and w > 0.0:
-                    w *= joint_at(ev.joint, band, i, j - 2)
-                v = max(v, w) if best else v + w
+                r = y[j] - y[j - 3] - u1
+                if abs(r) < f[3]:
+                    w = against_three(r, a1, inv_b[j - 2], inv_b[j - 1], inv_b[j], t.missed_a, t.false_b, f)
+                    w *= total[o1 + j - 3] * (joint_at(ev.joint, band, i, j - 2) if joints else 1.0)
+                    v = max(v, w) if best else v + w
             if l2 <= j - 1 <= h2:
-                w = total[o2 + j - 1] * q2 * move_21(i, j, s, t, f)
-                if joints and w > 0.0:
-                    w *= joint_at(ev.joint, band, i - 1, j)
-                v = max(v, w) if best else v + w
+                r = y[j] - y[j - 1] - u2
+                if abs(r) < f[3]:
+                    w = total[o2 + j - 1] * q2 * against_two(r, inv_b[j], a2, a1, t.missed_b, t.false_a, f)
+                    w *= joint_at(ev.joint, band, i - 1, j) if joints else 1.0
+                    v = max(v, w) if best else v + w
             if l2 <= j - 2 <= h2:
-                same, strangers = move_22(i, j, s, t, f)
-                if same > 0.0:
-                    same *= displaced(i, j, band, ev)
-                w = total[o2 + j - 2] * q2 * (same + strangers)
-                v = max(v, w) if best else v + w
+                r = y[j] - y[j - 2] - u2
+                if abs(r) < f[3]:
+                    shift = y[j - 1] - y[j - 2] - u2 + u1
+                    same, strangers = two_against_two(r, shift, u2, a2, a1, inv_b[j - 1], inv_b[j], s.density, t, f)
+                    w = total[o2 + j - 2] * q2 * (same * displaced(i, j, band, ev) + strangers)
+                    v = max(v, w) if best else v + w
             if l3 <= j - 1 <= h3:
-                w = total[o3 + j - 1] * q3 * move_31(i, j, s, t, f)
-                if joints and w > 0.0:
-                    w *= joint_at(ev.joint, band, i - 2, j)
-                v = max(v, w) if best else v + w
+                r = y[j] - y[j - 1] - u3
+                if abs(r) < f[3]:
+                    w = total[o3 + j - 1] * q3 * against_three(r, inv_b[j], a3, a2, a1, t.missed_b, t.false_a, f)
+                    w *= joint_at(ev.joint, band, i - 2, j) if joints else 1.0
+                    v = max(v, w) if best else v + w
             if welds:
                 v *= ev.weld[o0 + j]
             total[o0 + j] = v
@@ -118,24 +130,23 @@ def ahead(s, band, t, ev, best):
 
 
 @njit(cache=True, error_model="numpy")
-def _cuts_into(i, s, band, t, total, norm, column, pointer, count, cuts, best):
+def _cuts_into(i, x, y, fresh, closing, low, offset, high, table, total, norm, column, pointer, count, cuts, best):
     """Weights of the cut-outs that end in row i, by column of the band."""
-    low, high, _ = span(band, i)
-    unit, y = 1.0, s.y
+    unit, first, last = 1.0, low[i], high[i]
     for a in range(1, min(LONGEST_CUT, i) + 1):
         r = (i - a) % (LONGEST_CUT + 1)
-        _, _, o = span(band, i - a)
-        shift = s.x[i] - s.x[i - a]
+        o = offset[i - a] - low[i - a]
         for c in range(count[r]):
             j0, j = column[r, c], pointer[r, c]
-            least = y[j0] + shift - _FIT_M
-            while j < y.size and y[j] < least:
+            aim = y[j0] + x[i] - x[i - a]
+            while j < y.size and y[j] < aim - FIT_M:
                 j += 1
             pointer[r, c] = j
-            while j < y.size and y[j] <= least + 2.0 * _FIT_M:
-                if low <= j <= high and j > j0:
-                    w = total[o + j0] * unit * move_cut(i - a, j0, i, j, s, t)
-                    cuts[j - low] = max(cuts[j - low], w) if best else cuts[j - low] + w
+            while j <= last and y[j] <= aim + FIT_M:
+                if j >= first and j > j0:
+                    new = move_cut(y[j] - aim, a, j - j0, fresh[j] - fresh[j0], closing[j] - closing[j0], table)
+                    w = total[o + j0] * unit * new
+                    cuts[j - first] = max(cuts[j - first], w) if best else cuts[j - first] + w
                 j += 1
         unit /= norm[i - a]
 
@@ -187,7 +198,9 @@ def behind(s, band, t, ev, total, norm, log_scale, log_total, best):
     shifted : (cells) the part of it in which the weld is displaced.
     """
     n, m = s.x.size, s.y.size
-    f = noise(t)
+    x, y, inv_a, inv_b, shared = s.x, s.y, s.inv_a, s.inv_b, s.shared
+    last = shared.size - 1
+    f, table = noise(t), cut_table(s, t)
     match, shifted = np.zeros(band.offset[n]), np.zeros(band.offset[n], np.float32)
     ring = LONGEST_CUT + 1
     width = (band.high - band.low).max() + 1
@@ -203,54 +216,66 @@ def behind(s, band, t, ev, total, norm, log_scale, log_total, best):
         l2, h2, o2 = span(band, i + 2)
         l3, h3, _ = span(band, i + 3)
         r0, r1, r2, r3 = i % ring, (i + 1) % ring, (i + 2) % ring, (i + 3) % ring
-        stop = np.exp(min(log_scale[i] - log_total, 600.0))
+        may_end = i == n - 1 or high == m - 1 or n + m - 2 - i - high < 400
+        stop = np.exp(min(log_scale[i] - log_total, 600.0)) if may_end else 0.0
         while folded > high:
             after = t.reroute_more * (max(after, closed[folded]) if best else after + closed[folded])
             folded -= 1
         close = after
+        u1 = x[min(i + 1, n - 1)] - x[i]
+        u2, u3 = x[min(i + 2, n - 1)] - x[i], x[min(i + 3, n - 1)] - x[i]
+        a1, a2, a3 = inv_a[min(i + 1, n - 1)], inv_a[min(i + 2, n - 1)], inv_a[min(i + 3, n - 1)]
         for j in range(high, low - 1, -1):
-            v = stop * begin(n - 1 - i, m - 1 - j, t)
+            v = stop * begin(n - 1 - i, m - 1 - j, t) if may_end else 0.0
             if j < high:
                 close = t.reroute_more * (max(close, closed[j + 1]) if best else close + closed[j + 1])
             w = t.reroute * close
             v = max(v, w) if best else v + w
             if l1 <= j + 1 <= h1:
-                w = rest[r1, j + 1 - l1] * q1 * move_11(i + 1, j + 1, s, t, f)
+                r = y[j + 1] - y[j] - u1
+                w = rest[r1, j + 1 - l1] * q1 * t.same * fit(r, f)
+                w *= shared[min(int((u1 + 0.5 * r) / BIN), last)] * a1 * inv_b[j + 1]
                 if joints:
                     w *= ev.joint[o1 + j + 1]
                 v = max(v, w) if best else v + w
             if l1 <= j + 2 <= h1:
-                w = rest[r1, j + 2 - l1] * q1 * move_12(i + 1, j + 2, s, t, f)
-                if joints and w > 0.0:
-                    w *= joint_at(ev.joint, band, i + 1, j + 1)
-                v = max(v, w) if best else v + w
+                r = y[j + 2] - y[j] - u1
+                if abs(r) < f[3]:
+                    w = rest[r1, j + 2 - l1] * q1 * against_two(r, a1, inv_b[j + 1], inv_b[j + 2], t.missed_a, t.false_b, f)
+                    w *= joint_at(ev.joint, band, i + 1, j + 1) if joints else 1.0
+                    v = max(v, w) if best else v + w
             if l1 <= j + 3 <= h1:
-                w = rest[r1, j + 3 - l1] * q1 * move_13(i + 1, j + 3, s, t, f)
-                if joints and w > 0.0:
-                    w *= joint_at(ev.joint, band, i + 1, j + 1)
-                v = max(v, w) if best else v + w
+                r = y[j + 3] - y[j] - u1
+                if abs(r) < f[3]:
+                    w = against_three(r, a1, inv_b[j + 1], inv_b[j + 2], inv_b[j + 3], t.missed_a, t.false_b, f)
+                    w *= rest[r1, j + 3 - l1] * q1 * (joint_at(ev.joint, band, i + 1, j + 1) if joints else 1.0)
+                    v = max(v, w) if best else v + w
             if l2 <= j + 1 <= h2:
-                w = rest[r2, j + 1 - l2] * q2 * move_21(i + 2, j + 1, s, t, f)
-                if joints and w > 0.0:
-                    w *= joint_at(ev.joint, band, i + 1, j + 1)
-                v = max(v, w) if best else v + w
+                r = y[j + 1] - y[j] - u2
+                if abs(r) < f[3]:
+                    w = rest[r2, j + 1 - l2] * q2 * against_two(r, inv_b[j + 1], a1, a2, t.missed_b, t.false_a, f)
+                    w *= joint_at(ev.joint, band, i + 1, j + 1) if joints else 1.0
+                    v = max(v, w) if best else v + w
             if l2 <= j + 2 <= h2:
-                w = rest[r2, j + 2 - l2] * q2
-                same, strangers = move_22(i + 2, j + 2, s, t, f)
-                if same > 0.0:
+                r = y[j + 2] - y[j] - u2
+                if abs(r) < f[3]:
+                    shift = y[j + 1] - y[j] - u1
+                    same, strangers = two_against_two(r, shift, u2, a1, a2, inv_b[j + 1], inv_b[j + 2], s.density, t, f)
+                    w = rest[r2, j + 2 - l2] * q2
                     same *= displaced(i + 2, j + 2, band, ev)
-                if l1 <= j + 1 <= h1:
-                    part = np.float32(total[o0 + j] * w * same)
-                    shifted[o1 + j + 1] = max(shifted[o1 + j + 1], part) if best else shifted[o1 + j + 1] + part
-                w *= same + strangers
-                v = max(v, w) if best else v + w
+                    if l1 <= j + 1 <= h1:
+                        part = np.float32(total[o0 + j] * w * same)
+                        shifted[o1 + j + 1] = max(shifted[o1 + j + 1], part) if best else shifted[o1 + j + 1] + part
+                    w *= same + strangers
+                    v = max(v, w) if best else v + w
             if l3 <= j + 1 <= h3:
-                w = rest[r3, j + 1 - l3] * q3 * move_31(i + 3, j + 1, s, t, f)
-                if joints and w > 0.0:
-                    w *= joint_at(ev.joint, band, i + 1, j + 1)
-                v = max(v, w) if best else v + w
+                r = y[j + 1] - y[j] - u3
+                if abs(r) < f[3]:
+                    w = rest[r3, j + 1 - l3] * q3 * against_three(r, inv_b[j + 1], a1, a2, a3, t.missed_b, t.false_a, f)
+                    w *= joint_at(ev.joint, band, i + 1, j + 1) if joints else 1.0
+                    v = max(v, w) if best else v + w
             if total[o0 + j] > MATTERS:
-                w = _cuts_from(i, j, s, band, t, norm, rest, best)
+                w = _cuts_from(i, j, x, y, s.fresh, s.closing, band.low, band.high, table, norm, rest, best)
                 v = max(v, w) if best else v + w
             match[o0 + j] = total[o0 + j] * v
             rest[r0, j - low] = v * ev.weld[o0 + j] if welds else v
@@ -265,19 +290,19 @@ def behind(s, band, t, ev, total, norm, log_scale, log_total, best):
 
 
 @njit(cache=True, error_model="numpy")
-def _cuts_from(i, j0, s, band, t, norm, rest, best):
+def _cuts_from(i, j0, x, y, fresh, closing, low, high, table, norm, rest, best):
     """Weight of everything behind the cut-outs that begin at (i, j0)."""
-    v, unit, y, j = 0.0, 1.0, s.y, j0
-    for a in range(1, min(LONGEST_CUT, s.x.size - 1 - i) + 1):
+    v, unit, j = 0.0, 1.0, j0
+    for a in range(1, min(LONGEST_CUT, x.size - 1 - i) + 1):
         unit /= norm[i + a]
-        low, high, _ = span(band, i + a)
-        least = y[j0] + s.x[i + a] - s.x[i] - _FIT_M
-        while j < y.size and y[j] < least:
+        aim = y[j0] + x[i + a] - x[i]
+        while j < y.size and y[j] < aim - FIT_M:
             j += 1
         k = j
-        while k < y.size and y[k] <= least + 2.0 * _FIT_M:
-            if low <= k <= high and k > j0:
-                w = rest[(i + a) % rest.shape[0], k - low] * unit * move_cut(i, j0, i + a, k, s, t)
+        while k <= high[i + a] and y[k] <= aim + FIT_M:
+            if k >= low[i + a] and k > j0:
+                new = move_cut(y[k] - aim, a, k - j0, fresh[k] - fresh[j0], closing[k] - closing[j0], table)
+                w = rest[(i + a) % rest.shape[0], k - low[i + a]] * unit * new
                 v = max(v, w) if best else v + w
             k += 1
     return v

@@ -17,7 +17,8 @@ from deform.options import MatchOptions
 
 _log = logging.getLogger(__name__)
 _FULL = 60_000  # cells up to which a whole matrix is filled when no seed is found
-_NARROW = 5  # welds on each side of the best path in which its rivals are summed
+_NARROW = 4  # welds on each side of the best path in which its rivals are summed
+_AROUND = 30  # further welds on each side where the best path touched the edge of its band
 _FIRM = 20  # welds of a stretch between two replaced ones that is no chance
 _LARGE = 20_000  # welds from which on one path is enough to learn from
 _ADVICE = "these are runs of two lines, or one list lacks most of its welds"
@@ -131,12 +132,12 @@ def _align_one_way(x, b, seeds: Seeds | None, options, traits, locks, direction,
     model = first_model(0.06 if seeds is None else seeds.noise, warped, b)
     hints = locked
     for again in (True, False):
-        partner, move, half = _best_path(warped, b, i, j, half, model, hints)
+        partner, move, wider = _best_path(warped, b, i, j, half, model, hints)
         before = model.rates.sigma
         warped, model = _learn(x, b, warped, partner, move, model)
         hints = learn(locked, traits[0], traits[1], warped, b, partner) if traits else locked
         i, j = _firm(partner, move) if (partner >= 0).any() else (i, j)
-        half = _NARROW if seeds is not None else max(half, 12)
+        half = (_NARROW if seeds is not None else max(options.band_half_width, 12)) + wider
         steady = 0.67 < model.rates.sigma / before < 1.5 and hints is locked
         if again and steady and n > _LARGE:
             break
@@ -196,9 +197,10 @@ def _firm(partner, move):
 
 
 def _best_path(warped, b, i, j, half, model, hints):
-    """Partner and move of each weld of A on the best path.
+    """Partner and move of each weld of A on the best path, and how much wider than usual the band about it must be (n).
 
-    Where the path touches the edge of its band, the band is laid anew about the path, and wider each time.
+    Where the path touches the edge of its band, the band is laid anew about the path, and wider each time. In a long list a few
+    such places need no new sweep: the band in which the posteriors are formed is made wide there.
     """
     lists = model.lists(warped, b)
     about = _NARROW
@@ -207,12 +209,21 @@ def _best_path(warped, b, i, j, half, model, hints):
         ev = over_band(hints, strip, b)
         best, norm, log_scale, _ = ahead(lists, strip, model.rates, ev, True)
         partner, move, slack = trace_back(lists, strip, model.rates, ev, best, norm, log_scale)
-        if slack > 0 or half > 256 or not i.size:
-            return partner, move, half
+        touched = np.flatnonzero(slack <= 0)
+        if not touched.size or np.max(half) > 256 or not i.size or touched.size * 500 < warped.size - _LARGE:
+            return partner, move, _near(touched, warped.size) * _AROUND
         i = np.flatnonzero(partner >= 0)
         j = partner[i]
         about = about + 1 if about < 16 else 2 * about
         half = about
+
+
+def _near(rows: np.ndarray, n: int, reach: int = 40) -> np.ndarray:
+    """1 within so many rows of the given ones, else 0 (n)."""
+    edge = np.zeros(n + 1, np.int64)
+    np.add.at(edge, np.maximum(rows - reach, 0), 1)
+    np.add.at(edge, np.minimum(rows + reach, n), -1)
+    return np.minimum(np.cumsum(edge)[:n], 1)
 
 
 def _smooth(values: np.ndarray, half: int = 5) -> np.ndarray:
