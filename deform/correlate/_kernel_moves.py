@@ -6,12 +6,14 @@ density of listed lengths.
 
 from __future__ import annotations
 
+from math import gamma, pi, sqrt
+
 import numpy as np
 from numba import njit
 
 from deform.correlate._kernel_types import BIN
 
-_PEAK = np.array([0.0, 2.0 / (np.pi * np.sqrt(3.0)), 0.3849914508322673, 0.39235316414483514])  # Student's t, 3, 7 and 15 degrees, at zero
+_PEAK = np.array([0.0, *(gamma(1 << k) / gamma((1 << k) - 0.5) / sqrt(pi * ((2 << k) - 1)) for k in (1, 2, 3))])  # Student's t
 _REACH = 15.0  # sigma; a sum of joints that differs more is not the same pipe with a weld missed
 FIT_M = 6.0  # metre, a replaced stretch that differs more in length is a re-route
 _LOOSE = 0.1  # share of the replaced stretches whose length was not kept, within about a metre
