@@ -60,10 +60,10 @@ def against_two(r, whole, one, two, missed, false, f):
 
 
 @njit(cache=True, error_model="numpy")
-def against_three(r, whole, one, two, three, missed, false, f):
-    """One joint against three: two welds missed, one missed and one false, or two false."""
+def against_three(r, whole, one, two, three, missed, again, false, f):
+    """One joint against three: two welds missed (what hides a weld may hide the next), one missed and one false, or two false."""
     mixed = missed * false * whole * (one + three)
-    return fit(r, f) * (missed * missed * whole + mixed + 2.0 * false * false * one * two * three)
+    return fit(r, f) * (missed * again * whole + mixed + 2.0 * false * false * one * two * three)
 
 
 @njit(cache=True, error_model="numpy")
@@ -105,11 +105,11 @@ def few(a, b, i, j, s, band, t, ev, f):
     elif a == 1 and b == 2:
         w = against_two(r, inv_a[i], inv_b[j - 1], inv_b[j], t.missed_a, t.false_b, f)
     elif a == 1:
-        w = against_three(r, inv_a[i], inv_b[j - 2], inv_b[j - 1], inv_b[j], t.missed_a, t.false_b, f)
+        w = against_three(r, inv_a[i], inv_b[j - 2], inv_b[j - 1], inv_b[j], t.missed_a, t.again, t.false_b, f)
     elif a == 2:
         w = against_two(r, inv_b[j], inv_a[i - 1], inv_a[i], t.missed_b, t.false_a, f)
     else:
-        w = against_three(r, inv_b[j], inv_a[i - 2], inv_a[i - 1], inv_a[i], t.missed_b, t.false_a, f)
+        w = against_three(r, inv_b[j], inv_a[i - 2], inv_a[i - 1], inv_a[i], t.missed_b, t.again, t.false_a, f)
     if ev.joint.size:
         w *= joint_at(ev.joint, band, i - a + 1, j - b + 1)
     return w

@@ -94,7 +94,7 @@ def ahead(s, band, t, ev, best):
             if l1 <= j - 3 <= h1:
                 r = y[j] - y[j - 3] - u1
                 if abs(r) < f[3]:
-                    w = against_three(r, a1, inv_b[j - 2], inv_b[j - 1], inv_b[j], t.missed_a, t.false_b, f)
+                    w = against_three(r, a1, inv_b[j - 2], inv_b[j - 1], inv_b[j], t.missed_a, t.again, t.false_b, f)
                     w *= total[o1 + j - 3] * (joint_at(ev.joint, band, i, j - 2) if joints else 1.0)
                     v = max(v, w) if best else v + w
             if l2 <= j - 1 <= h2:
@@ -113,7 +113,7 @@ def ahead(s, band, t, ev, best):
             if l3 <= j - 1 <= h3:
                 r = y[j] - y[j - 1] - u3
                 if abs(r) < f[3]:
-                    w = total[o3 + j - 1] * q3 * against_three(r, inv_b[j], a3, a2, a1, t.missed_b, t.false_a, f)
+                    w = total[o3 + j - 1] * q3 * against_three(r, inv_b[j], a3, a2, a1, t.missed_b, t.again, t.false_a, f)
                     w *= joint_at(ev.joint, band, i - 2, j) if joints else 1.0
                     v = max(v, w) if best else v + w
             if welds:
@@ -247,7 +247,7 @@ def behind(s, band, t, ev, total, norm, log_scale, log_total, best):
             if l1 <= j + 3 <= h1:
                 r = y[j + 3] - y[j] - u1
                 if abs(r) < f[3]:
-                    w = against_three(r, a1, inv_b[j + 1], inv_b[j + 2], inv_b[j + 3], t.missed_a, t.false_b, f)
+                    w = against_three(r, a1, inv_b[j + 1], inv_b[j + 2], inv_b[j + 3], t.missed_a, t.again, t.false_b, f)
                     w *= rest[r1, j + 3 - l1] * q1 * (joint_at(ev.joint, band, i + 1, j + 1) if joints else 1.0)
                     v = max(v, w) if best else v + w
             if l2 <= j + 1 <= h2:
@@ -271,7 +271,7 @@ def behind(s, band, t, ev, total, norm, log_scale, log_total, best):
             if l3 <= j + 1 <= h3:
                 r = y[j + 1] - y[j] - u3
                 if abs(r) < f[3]:
-                    w = rest[r3, j + 1 - l3] * q3 * against_three(r, inv_b[j + 1], a1, a2, a3, t.missed_b, t.false_a, f)
+                    w = rest[r3, j + 1 - l3] * q3 * against_three(r, inv_b[j + 1], a1, a2, a3, t.missed_b, t.again, t.false_a, f)
                     w *= joint_at(ev.joint, band, i + 1, j + 1) if joints else 1.0
                     v = max(v, w) if best else v + w
             if total[o0 + j] > MATTERS:

@@ -18,6 +18,7 @@ class Rates(NamedTuple):
     same: float
     missed_a: float  # per weld
     missed_b: float
+    again: float  # the weld next to a missed one is missed as well
     false_a: float  # per metre
     false_b: float
     shifted: float

@@ -64,7 +64,7 @@ def _inverse(density: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 def first_rates(sigma: float = 0.05, missed: float = 0.01, false: float = 0.01, joint: float = 12.0) -> Rates:
-    """Rates before any data were seen: a cut-out in 500 joints, of some 7 joints, a re-route in 20000.
+    """Rates before any data were seen: a cut-out in 3000 joints (40 km), of some 7 joints, a re-route in 20000.
 
     Parameters
     ----------
@@ -79,11 +79,12 @@ def first_rates(sigma: float = 0.05, missed: float = 0.01, false: float = 0.01, 
             same=1.0,
             missed_a=missed,
             missed_b=missed,
+            again=0.1,
             false_a=false / joint,
             false_b=false / joint,
             shifted=1e-3,
             shift_m=0.4,
-            cut=2e-3,
+            cut=3e-4,
             cut_more=0.85,
             reroute=5e-9,  # 5e-5 per joint, times the chance to end at this joint of each run
             reroute_more=0.99,
@@ -257,10 +258,11 @@ def reestimate(model: LengthModel, lists: Lists, residuals: np.ndarray, partner:
         shape=old.shape if np.isnan(sigma) else shape,
         missed_a=share(missed_a + count[13], old.missed_a),
         missed_b=share(missed_b + count[31], old.missed_b),
+        again=(count[13] + count[31] + 0.5) / (missed_a + missed_b + count[13] + count[31] + 5.0),
         false_a=share(false_a + count[31], old.false_a * joint) / joint,
         false_b=share(false_b + count[13], old.false_b * joint) / joint,
         shifted=share(count[22], old.shifted, most=0.02),
-        cut=share(count[CUT], 2e-3, 500.0, 0.05),
+        cut=share(count[CUT], 3e-4, 500.0, 0.05),
         cut_more=float(np.clip(1.0 - (count[CUT] + 5.0) / (cut_joints + 33.0), 0.5, 0.95)),
         reroute=1e-4 * float(np.clip((count[REROUTE] + 1.0) / (joints + 20_000.0), 1e-6, 1e-3)),
     )

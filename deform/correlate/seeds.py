@@ -75,6 +75,7 @@ def find_seeds(
     scale = float(np.median(local))
     if x.size > 4 * _SPACING:
         i, j = _middle_chain(x, b, i, j, scale)
+    i, j = _gap_chain(x, b, i, j, scale)
     i, j, local, noise = _near_chain(x, b, i, j, scale)
     return Seeds(direction, scale, i, j, local, noise, (weight, trials[1][0] if len(trials) > 1 else 0.0))
 
@@ -191,11 +192,36 @@ def _middle_chain(x, y, i0, j0, scale):
     information = _information(x)
     starts = _window_starts(information, k, x.size // _SPACING, 0.5 * np.log(y.size) + 8.0)
     first, last = _expected(x, y, starts, i0, j0, scale)
+    return _with_windows(x, y, i0, j0, scale, starts, first, last, information)
+
+
+def _gap_chain(x, y, i0, j0, scale):
+    """Further long windows, looked for in all of B that lies between two anchors: where these do not agree, and at both ends."""
+    i, j = np.concatenate([[0], i0, [x.size - 1]]), np.concatenate([[0], j0, [y.size - 1]])
+    dx, dy = np.diff(x[i]), np.diff(y[j])
+    apart = np.abs(dy - scale * dx) > 30.0 + 0.02 * dx
+    apart[[0, -1]] = True
+    information = _information(x)
+    parts = []
+    for g in np.flatnonzero(apart & (np.diff(i) > 3 * _LONG) & (np.diff(j) > 3 * _LONG)):
+        p, q = int(i[g]), int(i[g + 1])
+        blocks = min(_WINDOWS[1], (q - p) // (2 * _LONG))
+        found = p + _window_starts(information[p:q], _LONG, blocks, np.log(j[g + 1] - j[g]) + 8.0)
+        parts.append(np.stack([found, np.full(found.size, j[g]), np.full(found.size, j[g + 1])]))
+    if not parts:
+        return i0, j0
+    starts, first, last = np.concatenate(parts, axis=1)
+    return _with_windows(x, y, i0, j0, scale, starts, first, last, information)
+
+
+def _with_windows(x, y, i0, j0, scale, starts, first, last, information):
+    """Anchors, and with them the long windows that are found between first and last weld of B."""
+    k = _LONG
     least = np.full(starts.size, scale * 0.975)
-    window, j, local, misfit = search(x, y, starts, first, last, k, least, least * 1.05 / 0.975, _TOLERANCE, 6)
+    window, j, _, misfit = search(x, y, starts, first, last, k, least, least * 1.05 / 0.975, _TOLERANCE, 6)
     if not window.size:
         return i0, j0
-    told = np.concatenate([[0.0], np.cumsum(information)])
+    told = np.concatenate([[0.0], np.cumsum(information), np.full(k, information.sum())])
     i, j = np.concatenate([starts[window], i0]), np.concatenate([j, j0])
     often = np.concatenate([np.bincount(window, minlength=starts.size)[window], np.ones(i0.size)])
     misfit = np.concatenate([misfit, np.full(i0.size, 0.05)])

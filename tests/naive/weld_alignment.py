@@ -37,9 +37,9 @@ class Twin:
             return 0.0, 0.0
         first = self.joint(i - a + 1, j - b + 1)
         if a == 1:
-            return 0.0, f * self.split(ga[0], gb, t.missed_a, t.false_b) * first
+            return 0.0, f * self.split(ga[0], gb, t.missed_a, t.again, t.false_b) * first
         if b == 1:
-            return 0.0, f * self.split(gb[0], ga, t.missed_b, t.false_a) * first
+            return 0.0, f * self.split(gb[0], ga, t.missed_b, t.again, t.false_a) * first
         shift = lb[0] - la[0]
         cauchy = 1.0 / (math.pi * t.shift_m * (1.0 + (shift / t.shift_m) ** 2))
         same = f * t.shifted * cauchy / math.sqrt(ga[0] * ga[1] * gb[0] * gb[1])
@@ -51,10 +51,10 @@ class Twin:
         return same, f * (each_missed_one + one_false + both_false)
 
     @staticmethod
-    def split(g_whole, pieces, missed, false):
+    def split(g_whole, pieces, missed, again, false):
         """One joint against its pieces: each weld between them missed, or false."""
         k = len(pieces) - 1
-        real = missed**k / g_whole
+        real = (missed if k == 1 else missed * again) / g_whole  # misses come in pairs
         none = math.factorial(k) * false**k / math.prod(pieces)
         mixed = missed * false / g_whole * (1.0 / pieces[0] + 1.0 / pieces[2]) if k == 2 else 0.0
         return real + none + mixed
