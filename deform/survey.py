@@ -190,6 +190,8 @@ def match(runs: list[xr.DataTree], options: _options.Options, *, reference=None,
     matching = match_runs(runs, options.match, reference=reference, locks=held)
     store.write_table(matching.welds, folder / "tables" / "welds.csv", "welds")
     store.write_table(matching.joints, folder / "tables" / "joints.csv", "joints")
+    for name in ("pairs", "edits", "stretches"):
+        store.write_table(getattr(matching, name), folder / "tables" / f"{name}.csv", name)
     return matching
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from deform.correlate._kernel_path import CUT, REROUTE, trace_back
 from deform.correlate._kernel_sweeps import ahead, behind
+from deform.correlate._kernel_types import Band, Evidence, Lists, Rates
 from deform.correlate.evidence import Hints, Locks, Traits, from_locks, learn, over_band
 from deform.correlate.length_model import LengthModel, first_model, local_scale, reestimate, warp
 from deform.correlate.seeds import Seeds, band, find_seeds
@@ -26,6 +27,16 @@ _KEPT = 1e-3  # posterior below this is not kept
 
 
 @dataclass(frozen=True)
+class Frame:
+    """What the posteriors of a pair were formed on: lists on one scale (B turned where it runs the other way), band, evidence."""
+
+    lists: Lists
+    strip: Band
+    evidence: Evidence
+    rates: Rates
+
+
+@dataclass(frozen=True)
 class PairAlignment:
     """Alignment of run B with run A.
 
@@ -38,6 +49,7 @@ class PairAlignment:
     model : noise and rates.
     evidence_nats : log of the total weight of all alignments against none at all.
     local : local scale at each weld of A.
+    frame : what the posteriors were formed on.
     """
 
     direction: int
@@ -50,6 +62,7 @@ class PairAlignment:
     model: LengthModel
     evidence_nats: float
     local: np.ndarray
+    frame: Frame = field(repr=False)
 
 
 def align(
@@ -184,6 +197,7 @@ def _posterior(x, b, warped, i, j, half, model: LengthModel, hints: Hints, direc
         model=model,
         evidence_nats=float(forward[3]) - (np.log(1e18) * len(locks.locked) if locks else 0.0),
         local=local,
+        frame=Frame(both, strip, ev, model.rates),
     )
 
 
