@@ -255,11 +255,10 @@ def _by_scale_grid(x, b, options, hints):
     empty = np.empty(0, np.int64)
     strip = band(n, m, empty, empty, 0)
     ev = over_band(hints, strip, b)
-    best, kept = -np.inf, x - x[0]
+    best, kept, model = -np.inf, x - x[0], first_model(0.08, x - x[0], b)
     steps = int(np.clip(40_000_000 // max(n * m, 1), 5, 41))
     for scale in 1.0 + np.linspace(-options.scale_range, options.scale_range, steps | 1):
         warped = (x - x[0]) * scale
-        model = first_model(0.08, warped, b)
         weight = ahead(model.lists(warped, b), strip, model.rates, ev, False)[3]
         if weight > best:
             best, kept = weight, warped

@@ -87,6 +87,7 @@ def weld_list(run: xr.DataTree, least_joint: float = 0.1) -> WeldList:
         _log.warning(
             "%s: %d welds stand within %.2f m of another weld and count as doubles of it", name, len(doubles), least_joint
         )
+    _say_mixed_units(name, place[kept])
     label = np.asarray([str(v) for v in ds["label"].values], object) if "label" in ds else np.full(place.size, "", object)
     fitting, bend, bend_clock = _features(run, place[kept])
     mark_name, mark_at = _markers(run, place[kept])
@@ -107,6 +108,21 @@ def weld_list(run: xr.DataTree, least_joint: float = 0.1) -> WeldList:
         doubles=doubles,
         size=place.size,
     )
+
+
+def _say_mixed_units(name: str, place: np.ndarray, window: int = 20) -> None:
+    """Warn where the lengths of the joints jump by the ratio of metre and foot: part of the list is in another unit."""
+    joints = np.diff(place)
+    if joints.size < 2 * window:
+        return
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(joints, window), axis=1)
+    ratio = middle[window:] / middle[:-window]
+    jumps = np.flatnonzero(np.abs(np.abs(np.log(ratio)) - np.log(1 / 0.3048)) < 0.06)
+    if jumps.size:
+        at = int(jumps[jumps.size // 2 if jumps.size < window else window // 2]) + window
+        before, after = middle[at - window], middle[at]
+        text = "%s: joints are %.1f long before and %.1f behind chainage %.0f, the ratio of foot and metre: part of the list is in another unit"
+        _log.warning(text, name, before, after, place[at])
 
 
 def _floats(ds: xr.Dataset, name: str, absent: float) -> np.ndarray:

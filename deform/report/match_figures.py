@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import matplotlib
 import numpy as np
 import pandas as pd
 import xarray as xr
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
+
+from deform.report.style import MATPLOTLIB
 
 _COLOURS = {
     "matched": "#4d4d4d",
@@ -52,7 +56,7 @@ def match_data(welds: pd.DataFrame, run_a: str, run_b: str) -> xr.Dataset:
     return xr.Dataset({k: ("weld", v) for k, v in values.items()}, attrs={"run_a": run_a, "run_b": run_b})
 
 
-def ribbon(data: xr.Dataset, start: float | None = None, end: float | None = None) -> Any:
+def ribbon(data: xr.Dataset, start: float | None = None, end: float | None = None) -> Figure:
     """Both runs' welds as ticks along two lines, links between what is one weld, and what has no partner in its colour.
 
     Parameters
@@ -89,7 +93,7 @@ def ribbon(data: xr.Dataset, start: float | None = None, end: float | None = Non
     return figure
 
 
-def length_differences(data: xr.Dataset) -> Any:
+def length_differences(data: xr.Dataset) -> Figure:
     """Length of each joint in the second run minus that in the first, the mean scale taken out, along the line."""
     place, difference = _differences(data)
     figure, axes = _figure(2.6)
@@ -106,7 +110,7 @@ def length_differences(data: xr.Dataset) -> Any:
     return figure
 
 
-def drift(data: xr.Dataset) -> Any:
+def drift(data: xr.Dataset) -> Figure:
     """Chainage of the second run minus that of the first at the common welds, one scale taken out."""
     both = np.isfinite(data["probability"].values)
     a, b = data["chainage_a"].values[both], data["chainage_b"].values[both]
@@ -121,7 +125,7 @@ def drift(data: xr.Dataset) -> Any:
     return figure
 
 
-def probability_strip(data: xr.Dataset) -> Any:
+def probability_strip(data: xr.Dataset) -> Figure:
     """Odds against each pair along the line, on a logarithmic scale: what is sure lies low, what wants a look stands out."""
     both = np.isfinite(data["probability"].values)
     place, doubt = data["reference_chainage"].values[both], 1.0 - data["probability"].values[both]
@@ -137,10 +141,10 @@ def probability_strip(data: xr.Dataset) -> Any:
     return figure
 
 
-def _figure(height: float):
-    import matplotlib.pyplot as plt
-
-    return plt.subplots(figsize=(8.0, height), layout="constrained")
+def _figure(height: float) -> tuple[Figure, Any]:
+    with matplotlib.rc_context(MATPLOTLIB):
+        figure = Figure(figsize=(8.0, height), layout="constrained")
+        return figure, figure.subplots()
 
 
 def _piece(data: xr.Dataset, start: float | None, end: float | None) -> tuple[float, float]:

@@ -7,9 +7,9 @@ import numpy as np
 from deform.correlate.evidence import Traits
 from deform.correlate.weld_list import weld_list
 from deform.run import build
-from deform.synthetic.lists import JointList, bare, build_line, cut_out, cut_outs, observe, score
+from deform.synthetic.lists import JointList, bare, build_line, cut_out, cut_outs, observe, score, turned
 
-__all__ = ["JointList", "bare", "build_line", "cut_out", "cut_outs", "cut_out_ends", "observe", "run_of", "score", "traits_of"]
+__all__ = ["JointList", "bare", "build_line", "cut_out", "cut_outs", "cut_out_ends", "observe", "run_of", "score", "traits_of", "turned"]
 
 
 def run_of(name: str, seen: JointList, **more):

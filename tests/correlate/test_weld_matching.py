@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from deform.correlate import match_runs
+from deform.correlate.chainage import ChainageMap
 from deform.errors import InputError, WrongLineError
 from deform.options import MatchOptions
 from deform.run import build
@@ -257,6 +258,60 @@ def test_no_weld_of_one_run_takes_two_of_another_under_repeated_labels():
     welds = match_runs([run_of("a", a, label=labels), run_of("b", b, label=labels)]).welds
     assert not welds.duplicated(["weld_id", "run"]).any()
     assert (welds["status"] == "matched").all()
+
+
+def test_a_list_half_in_feet_is_said_and_its_other_half_matched(caplog):
+    rng = np.random.default_rng(22)
+    true = build_line(rng, 400, equal=0.2)
+    a, b = (observe(rng, true, missed=0, false=0, noise=0.01) for _ in range(2))
+    joints = np.diff(b.place)
+    joints[250:] /= 0.3048
+    mixed = bare(np.concatenate([[0.0], np.cumsum(joints)]), b.weld)
+    rows = truth(match_runs([run_of("a", a), run_of("b", mixed)]), {"a": a, "b": mixed})
+    assert "foot and metre" in caplog.text
+    both = rows[(rows["status"] == "matched") & (rows["true"] < 250)].groupby("weld_id")["true"].agg(["nunique", "size"])
+    assert (both["nunique"] == 1).all()
+    assert (both["size"] == 2).mean() > 0.98
+
+
+def test_joints_of_zero_length_are_doubles_and_cost_no_other_weld():
+    rng = np.random.default_rng(23)
+    true = build_line(rng, 200)
+    a, b = (observe(rng, true, missed=0, false=0, noise=0.01) for _ in range(2))
+    place = np.sort(np.concatenate([b.place, b.place[[40, 41, 90]]]))
+    mine = match_runs([run_of("a", a), run_of("b", bare(place, place))]).welds
+    mine = mine[mine["run"] == "b"]
+    assert (mine["status"] == "false").sum() == 3
+    assert (mine["status"] == "matched").sum() == a.n
+
+
+def test_every_stretch_says_how_much_it_outweighs_the_next_best():
+    _, _, _, matching = three_epochs()
+    table = matching.stretches
+    assert set(table["run_a"]) == {"2019", "2021"}
+    assert (table.groupby(["run_a", "run_b"])["welds"].sum() > 350).all()
+    long = table[table["welds"] > 100]
+    assert (long["margin_nats"] > 100).all()
+    assert (table["margin_nats"] > -1e-6).all()
+    changed = table[(table["run_a"] == "2021") & (table["run_b"] == "2023") & (table["welds"] > 50)]
+    assert len(changed) == 2  # before and behind the cut-out
+
+
+def test_sigma_of_the_map_is_honest_at_welds_that_took_no_part_in_it():
+    z = []
+    for seed in range(6):
+        rng = np.random.default_rng(40 + seed)
+        true = build_line(rng, 300, equal=0.1)
+        a, b = (observe(rng, true, missed=0.02, false=0.02, noise=0.03) for _ in range(2))
+        chainage = match_runs([run_of("a", a), run_of("b", b)]).maps["b"]
+        common = np.intersect1d(a.weld[a.weld >= 0], b.weld)
+        at = [v.place[[np.flatnonzero(v.weld == w)[0] for w in common]] for v in (a, b)]
+        held = np.isin(at[0], chainage.reference)
+        for k in np.flatnonzero(held)[1:-1:7]:  # leave this weld out of the map
+            keep = chainage.reference != at[0][k]
+            without = ChainageMap("b", chainage.reference[keep], chainage.own[keep], chainage.node_sigma)
+            z.append((without.to_run(at[0][k]) - at[1][k]) / without.sigma(at[0][k]))
+    assert 0.90 < np.mean(np.abs(z) < 1.96) <= 1.0
 
 
 # ---- the two real listings -----------------------------------------------------------------------------
