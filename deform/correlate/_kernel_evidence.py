@@ -18,10 +18,11 @@ class Hints(NamedTuple):
     """Learned traits of the joints that begin at each weld, places of markers, locks; empty arrays where there is nothing.
 
     ``class_a`` (traits, n), ``class_b`` (traits, m), ``ratio`` (traits, classes, classes): likelihood ratio of each pair of
-    classes; ``label_*``: codes, -1 unknown, and the ratios of equal and of other labels; ``seam_*`` and ``bend_*``: degree, NaN
-    unknown or straight; ``seam_ratio`` by difference in steps of `SEAM_STEP`, ``bend_sigma`` the scale of differences, ``bend_spread`` the range of angles that bends have; ``mark_a``
-    (n, 2): marker that stands before the weld, -1 none, and how far, metre; ``mark_b``: place of each marker in B, metre;
-    ``lock_a``, ``lock_b``: partner of each weld, -1 free; ``forbid_start`` (n + 1), ``forbid``: forbidden partners of each weld.
+    classes; ``label_*``: codes, -1 unknown, and the ratios of equal and of other labels; ``seam_*``: degree, NaN unknown, and
+    the ratio by difference in steps of `SEAM_STEP`; ``bend_*``: degree, NaN where straight, the scale of their differences and
+    the range of angles that bends have; ``mark_a`` (n, 2): marker that stands before the weld, -1 none, and how far, metre;
+    ``mark_b``: place of each marker in B, metre, and the scale of the differences; ``lock_a``, ``lock_b``: partner of each
+    weld, -1 free; ``forbid_start`` (n + 1), ``forbid``: forbidden partners of each weld.
     """
 
     class_a: np.ndarray

@@ -67,7 +67,7 @@ def _value(i, j, band, best):
 @njit(cache=True, error_model="numpy")
 def _move_into(i, j, s, band, t, ev, best, norm, log_scale, f, table):
     """The heaviest move into a cell: its kind, and the joints of A and of B that it consumes."""
-    low, _, o = span(band, i)
+    o = span(band, i)[2]
     value = best[o + j] * norm[i] * (1.0 - _ROUNDING)
     if ev.weld.size:
         value /= ev.weld[o + j]

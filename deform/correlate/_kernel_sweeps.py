@@ -3,7 +3,7 @@
 A cell (i, j) means: weld i of A and weld j of B are one weld. Weights are linear, with one unit per row, so that no logarithm
 stands in a loop. With ``best`` each sum becomes the larger of its terms. Three kinds of move end in a cell: those of a few welds;
 a cut-out of up to `LONGEST_CUT` listed joints, looked for only where its length is kept, from cells that matter in their row; and
-a re-route of any size, which costs the same per joint of either run, so that one running sum over rows and columns holds them all.
+a re-route of any size, which costs the same per joint of either run, so that a running sum over rows and columns holds them all.
 """
 
 from __future__ import annotations
@@ -64,7 +64,9 @@ def ahead(s, band, t, ev, best):
         while folded < low:
             before = t.reroute_more * (max(before, opened[folded]) if best else before + opened[folded])
             folded += 1
-        _cuts_into(i, x, y, s.fresh, s.closing, band.low, band.offset, band.high, table, total, norm, column, pointer, count, cuts, best)
+        _cuts_into(
+            i, x, y, s.fresh, s.closing, band.low, band.offset, band.high, table, total, norm, column, pointer, count, cuts, best
+        )
         open_, top = before, 0.0
         u1 = x[i] - x[i - 1] if i > 0 else 0.0
         u2, u3 = x[i] - x[max(i - 2, 0)], x[i] - x[max(i - 3, 0)]
@@ -213,7 +215,7 @@ def behind(s, band, t, ev, total, norm, log_scale, log_total, best):
         q3 = q2 / norm[i + 3] if i + 3 < n else 0.0
         low, high, o0 = span(band, i)
         l1, h1, o1 = span(band, i + 1)
-        l2, h2, o2 = span(band, i + 2)
+        l2, h2, _ = span(band, i + 2)
         l3, h3, _ = span(band, i + 3)
         r0, r1, r2, r3 = i % ring, (i + 1) % ring, (i + 2) % ring, (i + 3) % ring
         may_end = i == n - 1 or high == m - 1 or n + m - 2 - i - high < 400

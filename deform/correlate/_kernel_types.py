@@ -34,8 +34,9 @@ class Lists(NamedTuple):
     """Two weld lists on one scale, B of the later run, with the densities of the line's joint lengths.
 
     ``x`` (n) and ``y`` (m) are metre, rising; ``inv_a``, ``inv_b`` one over the density of the listed joint that ends at each
-    weld (metre); ``fresh`` the running sum over B of the log of the density of new pipe over that of all pipe, ``closing`` that of
-    one over the density of new pipe, bounded (metre); ``density`` (1/m) of listed joints and ``shared`` (1/m) of the mean of two
+    weld (metre); ``fresh`` the running sum over B of the log of the density of new pipe over that of all pipe, ``closing`` that
+    of one over the density of new pipe, bounded (metre); ``density`` (1/m) of listed joints and ``shared`` (1/m) of the mean of
+    two
     listings of one joint, both in bins of 1 cm; ``slack`` (33) the scale of the length difference of a replaced stretch, by its
     joints in both runs together, metre.
     """

@@ -176,8 +176,8 @@ def _posterior(x, b, warped, i, j, half, model: LengthModel, hints: Hints, direc
     n, m = x.size, b.size
     strip, both = band(n, m, i, j, half), model.lists(warped, b)
     ev = over_band(hints, strip, b)
-    forward = ahead(both, strip, model.rates, ev, False)
-    match, shifted = behind(both, strip, model.rates, ev, *forward, False)
+    total, norm, log_scale, log_total = ahead(both, strip, model.rates, ev, False)
+    match, shifted = behind(both, strip, model.rates, ev, total, norm, log_scale, log_total, False)
     kept = np.flatnonzero(match > _KEPT)
     row = np.searchsorted(strip.offset, kept, side="right") - 1
     col = strip.low[row] + kept - strip.offset[row]
@@ -195,7 +195,7 @@ def _posterior(x, b, warped, i, j, half, model: LengthModel, hints: Hints, direc
         shifted=shifted[kept].astype(float),
         partner=decided,
         model=model,
-        evidence_nats=float(forward[3]) - (np.log(1e18) * len(locks.locked) if locks else 0.0),
+        evidence_nats=float(log_total) - (np.log(1e18) * len(locks.locked) if locks else 0.0),
         local=local,
         frame=Frame(both, strip, ev, model.rates),
     )

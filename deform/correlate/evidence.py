@@ -1,4 +1,4 @@
-"""Walls, seams, bends, fittings, labels, markers and locked pairs of two weld lists in, their weight for each pair of welds out."""
+"""Walls, seams, bends, fittings, labels, markers and locks of two weld lists in, their weight for each pair of welds out."""
 
 from __future__ import annotations
 
@@ -210,7 +210,8 @@ def learn(base: Hints, a: Traits, b: Traits, x: np.ndarray, y: np.ndarray, partn
     j = partner[i]
     if i.size < _FEW:
         return base
-    known = [c for c in (_classes(*_wall_classes(a.wall, b.wall), i, j), _classes(*_words(a.fitting, b.fitting), i, j)) if c]
+    pairs = _wall_classes(a.wall, b.wall), _words(a.fitting, b.fitting)
+    known = [c for of_a, of_b in pairs if (c := _classes(of_a, of_b, i, j)) is not None]
     if known:
         most = max(ratio.shape[0] for _, _, ratio in known)
         ratio = np.ones((len(known), most, most))
@@ -306,8 +307,8 @@ def _seams(a: np.ndarray, b: np.ndarray, i, j):
 
     Notes
     -----
-    One joint: Student's t about zero, and a share of clocks that are of no use. Strangers: the differences between joints that lie
-    near each other, so that seams which all lie on one side, or alternate, say no more than they can.
+    One joint: Student's t about zero, and a share of clocks that are of no use. Strangers: the differences between joints that
+    lie near each other, so that seams which all lie on one side, or alternate, say no more than they can.
     """
     none = _FLOAT, _FLOAT, _FLOAT
     difference = np.radians(b[j] - a[i])

@@ -1,4 +1,4 @@
-"""Weld lists in, the model of their joint lengths out: densities of the line's lengths, noise, rates of the moves, local scale."""
+"""Weld lists in, the model of their joint lengths out: densities of the lengths, noise, rates of the moves, local scale."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class LengthModel:
 
     @property
     def length_sigma(self) -> float:
-        """Standard deviation of a joint's length difference, metre: of the central part, for tails of three degrees of freedom."""
+        """Standard deviation of a joint's length difference, metre: of the central part where the tails are heavy."""
         freedom = 2.0 ** (self.rates.shape + 1) - 1.0
         return self.rates.sigma * (float(np.sqrt(freedom / (freedom - 2.0))) if freedom > 3 else _T3_SIGMA)
 
@@ -114,8 +114,8 @@ def first_model(sigma: float, *places: np.ndarray) -> LengthModel:
 def without_merged(density: np.ndarray) -> np.ndarray:
     """Density of lengths less that of two joints listed as one where their weld was missed.
 
-    Two runs seldom miss the same weld: that both list a joint of twice the mill length is no mark of one place. The share of missed
-    welds is read where the density is least above that of the sum of two joints.
+    Two runs seldom miss the same weld: that both list a joint of twice the mill length is no mark of one place. The share of
+    missed welds is read where the density is least above that of the sum of two joints.
     """
     sums = fftconvolve(density, density)[: density.size] * BIN
     there = sums > 0.2 * sums.max()

@@ -112,7 +112,7 @@ def band(n: int, m: int, i: np.ndarray, j: np.ndarray, half_width: int) -> Band:
 
 
 def _information(x: np.ndarray) -> np.ndarray:
-    """Nats that each joint of A tells when its length is met again within the tolerance; a missed weld inside it tells nothing."""
+    """Nats that each joint of A tells when its length is met again within the tolerance; a missed weld in it tells nothing."""
     density = length_density(np.diff(x), narrow=0.05, copies=1.0)
     k = np.minimum((np.diff(x) / BIN).astype(int), density.size - 1)
     again = (without_merged(density) / density)[k]
@@ -238,7 +238,7 @@ def _misfit_nats(misfit: np.ndarray, k: int) -> np.ndarray:
 
 
 def _without_strays(i, j, weight, x, y, scale):
-    """Places (in the chain) of the anchors that stay: short pieces which lie off the others have to weigh what two re-routes cost."""
+    """Places (in the chain) of the anchors that stay: pieces which lie off the others must weigh what two re-routes cost."""
     dx = np.diff(x[i])
     jump = np.abs(np.diff(y[j]) - scale * dx) > 30.0 + 0.02 * dx
     piece = np.concatenate([[0], np.cumsum(jump)])

@@ -1,4 +1,4 @@
-"""An alignment of two runs in, its stretches of unchanged pipe out, each with how much the best alignment outweighs the next best."""
+"""An alignment of two runs in, its stretches of unchanged pipe out, and how much each outweighs the next best alignment."""
 
 from __future__ import annotations
 

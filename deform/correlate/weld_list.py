@@ -29,7 +29,7 @@ class WeldList:
     label : vendor's number of the joint that begins here, empty where not known (n).
     wall, seam : wall thickness (metre) and clock of the seam (degree) of the joint that begins here, NaN where not known (n).
     fitting : what stands in the joint that begins here, in sorted words, empty where nothing (n).
-    bend, bend_clock : angle of the largest bend in the joint that begins here, and the clock it turns to (degree), NaN where none.
+    bend, bend_clock : angle of the largest bend in the joint that begins here, and the clock it turns to (degree), NaN if none.
     mark_name, mark_at : markers within the list: name, and place as a fractional place in the list.
     doubles : index in ``/welds`` of rows that stand upon another weld, and the index of that weld.
     size : welds in ``/welds``, the doubles included.
@@ -121,7 +121,9 @@ def _say_mixed_units(name: str, place: np.ndarray, window: int = 20) -> None:
     if jumps.size:
         at = int(jumps[jumps.size // 2 if jumps.size < window else window // 2]) + window
         before, after = middle[at - window], middle[at]
-        text = "%s: joints are %.1f long before and %.1f behind chainage %.0f, the ratio of foot and metre: part of the list is in another unit"
+        text = (
+            "%s: joints are %.1f long before and %.1f behind chainage %.0f, the ratio of foot and metre: part is in another unit"
+        )
         _log.warning(text, name, before, after, place[at])
 
 

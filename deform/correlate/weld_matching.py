@@ -37,7 +37,7 @@ class Matching:
     maps : `ChainageMap` of each run id.
     pairs : one row per pair of runs: direction, scale, noise, drift, welds matched, evidence.
     edits : one row per edit of the line or of a list: kind, run, first and last weld, reference chainage, joints, reason.
-    stretches : one row per pair of runs and stretch of unchanged pipe: its ends, and how much its alignment outweighs the next best.
+    stretches : one row per pair of runs and stretch of unchanged pipe: its ends, and how much it outweighs the next best.
     reference : id of the reference run.
     """
 

@@ -1,4 +1,4 @@
-"""The matched welds of two runs in, four figures out: ribbon of joints with links, length differences, drift, probability strip."""
+"""The matched welds of two runs in, four figures out: ribbon of joints with links, length differences, drift, probability."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def match_data(welds: pd.DataFrame, run_a: str, run_b: str) -> xr.Dataset:
 
     Returns
     -------
-    dataset : dim ``weld`` (every weld that either run lists or should list, in the order of the reference): ``reference_chainage``,
-        ``chainage_a``, ``chainage_b`` (metre, own chainage, NaN where the run does not list it), ``status_a``, ``status_b``,
-        ``probability`` (of the match, NaN where only one run lists it).
+    dataset : dim ``weld`` (every weld that either run lists or should list, in the order of the reference):
+        ``reference_chainage``, ``chainage_a``, ``chainage_b`` (metre, own chainage, NaN where the run does not list it),
+        ``status_a``, ``status_b``, ``probability`` (of the match, NaN where only one run lists it).
     """
     table = {}
     for end, run in (("a", run_a), ("b", run_b)):
@@ -44,7 +44,7 @@ def match_data(welds: pd.DataFrame, run_a: str, run_b: str) -> xr.Dataset:
     frame["place"] = frame["place_a"].fillna(frame["place_b"])
     frame = frame.sort_values("place", kind="stable")
     both = frame["chainage_a"].notna() & frame["chainage_b"].notna()
-    probability = np.minimum(frame["probability_a"], frame["probability_b"]).where(both)
+    probability = frame[["probability_a", "probability_b"]].min(axis=1, skipna=False).where(both)
     values = {
         "reference_chainage": frame["place"].to_numpy(float),
         "chainage_a": frame["chainage_a"].to_numpy(float),

@@ -9,7 +9,19 @@ from deform.correlate.weld_list import weld_list
 from deform.run import build
 from deform.synthetic.lists import JointList, bare, build_line, cut_out, cut_outs, observe, score, turned
 
-__all__ = ["JointList", "bare", "build_line", "cut_out", "cut_outs", "cut_out_ends", "observe", "run_of", "score", "traits_of", "turned"]
+__all__ = [
+    "JointList",
+    "bare",
+    "build_line",
+    "cut_out",
+    "cut_out_ends",
+    "cut_outs",
+    "observe",
+    "run_of",
+    "score",
+    "traits_of",
+    "turned",
+]
 
 
 def run_of(name: str, seen: JointList, **more):
@@ -43,8 +55,8 @@ def traits_of(seen: JointList) -> Traits:
 def cut_out_ends(partner: np.ndarray, a: JointList, b: JointList, ends: list[tuple[int, int]]) -> tuple[int, int]:
     """How many ends of cut-outs were found to the weld, of how many.
 
-    List A is of the line before the cut-outs, in their direction. An end is right when the last weld before it that both lists show is paired with itself, and no weld behind it is paired
-    (a pair inside the cut-out counts against the nearer end).
+    List A is of the line before the cut-outs, in their direction. An end is right when the last weld before it that both lists
+    show is paired with itself, and no weld behind it is paired (a pair inside the cut-out counts against the nearer end).
     """
     place = {int(w): k for k, w in enumerate(a.weld) if w >= 0}
     common = np.asarray(sorted(place[int(w)] for w in np.intersect1d(a.weld[a.weld >= 0], b.weld)))
@@ -57,4 +69,3 @@ def cut_out_ends(partner: np.ndarray, a: JointList, b: JointList, ends: list[tup
         near = inside - at <= to - inside
         right += bool(sound[0] and not near.any()) + bool(sound[1] and near.all())
     return right, 2 * len(ends)
-
