@@ -125,9 +125,8 @@ _HEAD = f"{'':34s} {'p > 0.5':15s}  {'p > 0.9':15s}  at 0.995  sure but wrong  E
 
 def honesty(lines: int, joints: int = 10_000, noise: float = 0.035, same_mill: bool = True, how: Seen | None = None) -> None:
     """Recall/precision, precision where recall is 0.995, calibration and ends of cut-outs, by evidence."""
-    print(
-        f"{lines} lines of {joints} joints, noise {noise * np.sqrt(2):.3f} m, new pipe of {'the same' if same_mill else 'another'} mill"
-    )
+    mill = "the same" if same_mill else "another"
+    print(f"{lines} lines of {joints} joints, noise {noise * np.sqrt(2):.3f} m, new pipe of {mill} mill")
     print(_HEAD)
     tallies = {name: Tally() for name in EVIDENCE}
     for seed in range(lines):
@@ -200,9 +199,8 @@ def epochs(lines: int, runs: int = 8, joints: int = 300) -> None:
         mixed += int((rows.groupby("weld_id")["true"].nunique() > 1).sum())
         split += int((rows.groupby("true")["weld_id"].nunique() > 1).sum())
         welds += rows["true"].nunique()
-    print(
-        f"{lines} lines of {runs} epochs, {welds} welds: {doubled} ids twice in a run, {mixed} ids for two welds, {split} welds of two ids"
-    )
+    closed = f"{doubled} ids twice in a run, {mixed} ids for two welds, {split} welds of two ids"
+    print(f"{lines} lines of {runs} epochs, {welds} welds: {closed}")
 
 
 def peer(joints: int = 10_000) -> None:
