@@ -10,13 +10,14 @@ from scipy.ndimage import uniform_filter1d
 
 from deform.caliper.cross_section import ScanLog
 from deform.caliper.dent_shape import DentFit
+from deform.caliper.dents import OPENING_M
+from deform.caliper.scans import ScanReader
 from deform.run import build
 
 _WALL_STEP_M = 3e-4  # least change of wall thickness that is reported
 _VALVE_M = 2e-3  # a stretch this much wider than the pipe around it is a valve or a chamber
 _VALVE_LENGTH_M = (0.1, 6.0)
 _SPOOL_M = 3.0  # a heavy spool shorter than this is a valve or a fitting
-_OPENING_M = 3e-3  # some arms reach this far outside the section: a tee, a tap or another opening
 _OPENING_LENGTH_M = (0.04, 2.0)
 _BEND_RADIUS_OD = 300.0  # gentler than this counts as elastic
 _BEND_ANGLE_DEG = 2.0
@@ -30,6 +31,7 @@ Row = dict[str, object]
 def features(
     welds: xr.Dataset,
     section: xr.Dataset,
+    reader: ScanReader,
     logs: list[ScanLog],
     fits: list[DentFit],
     trajectory: xr.Dataset,
@@ -41,7 +43,7 @@ def features(
     ----------
     welds : group ``welds`` with ``wall_thickness`` (`joint_walls`).
     section : group ``sections``.
-    logs : scan log of each ring.
+    reader, logs : gives the chainage of the scans, and the scan log of each ring.
     fits : the fitted dents, for trains of ripples.
     trajectory : group ``trajectory``, for bends.
     outside_diameter : m.
@@ -51,7 +53,7 @@ def features(
         *wall_changes(welds),
         *wide_stretches(section),
         *short_spools(welds, turned),
-        *openings(logs),
+        *openings(reader, logs),
         *turned,
         *wrinkles(fits, outside_diameter),
     ]
@@ -121,15 +123,16 @@ def short_spools(welds: xr.Dataset, turned: list[Row]) -> list[Row]:
     return rows
 
 
-def openings(logs: list[ScanLog]) -> list[Row]:
-    """Tees, taps and other openings: some arms reach outside the section, or find nothing, over a short stretch."""
+def openings(reader: ScanReader, logs: list[ScanLog]) -> list[Row]:
+    """Tees, taps and other openings: some arms reach outside the section over a short stretch."""
     rows: list[Row] = []
     for log in logs:
-        good = np.flatnonzero(log.good)
-        order = good[np.argsort(log.chainage[good], kind="stable")]
-        for start, end, reach in _stretches(log.chainage[order], log.bulge[order].astype(float), _OPENING_M, _OPENING_LENGTH_M):
-            inside = order[(log.chainage[order] >= start) & (log.chainage[order] <= end)]
-            clock = np.degrees(np.angle(np.mean(np.exp(1j * log.bulge_clock[inside].astype(float))))) % 360.0
+        place = reader.chainage(reader.time[log.bulges.index], log.ring)
+        order = np.argsort(place, kind="stable")
+        place, size, clocks = place[order], log.bulges.size[order].astype(float), log.bulges.clock[order].astype(float)
+        for start, end, reach in _stretches(place, size, OPENING_M, _OPENING_LENGTH_M):
+            inside = (place >= start) & (place <= end)
+            clock = np.degrees(np.angle(np.mean(np.exp(1j * clocks[inside])))) % 360.0
             if not any(abs(float(r["chainage"]) - start) < 0.2 for r in rows):  # type: ignore[arg-type]  # plain number
                 text = f"an opening of {end - start:.2f} m, {reach * 1e3:.0f} mm beyond the wall"
                 rows.append({"chainage": start, "chainage_end": end, "kind": "tee", "clock": clock, "value": reach, "text": text})
