@@ -1,4 +1,4 @@
-"""A simulated passage of the caliper alone, with its truth: the arms, the true trajectory and the detector, no inertial unit."""
+"""A simulated passage of the caliper alone, with its truth: the arms, the true trajectory, the detector, and the accelerometers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 from deform.options import RouteOptions, RunOptions, SimulateOptions, ToolOptions
 from deform.run import build
 from deform.run.raw import RawRun, RunHeader
-from deform.synthetic import arms, epochs, simulate, truth
+from deform.synthetic import arms, epochs, imu, simulate, truth
 
 FILL = np.uint16(arms.FILL)
 
@@ -40,6 +40,7 @@ def caliper_line(
     route: dict | None = None,
     tool: dict | None = None,
     direction: str = "downstream",
+    listening: bool = False,
     **more,
 ) -> CaliperLine:
     """Return one passage.
@@ -50,6 +51,7 @@ def caliper_line(
     length_m : of the line.
     route, tool : further `RouteOptions` and `ToolOptions`.
     direction : of the passage.
+    listening : with the accelerometers; else the inertial unit is too short to be listened to.
     **more : dents, fittings, replacements of `SimulateOptions`.
     """
     options = SimulateOptions(
@@ -66,7 +68,8 @@ def caliper_line(
     time, packed = (np.concatenate([block[k] for block in scanned]) for k in range(2))
     events, *_ = arms.detect_welds(passage.motion, passage.tool, seed, "r")
     heard = build.dataset("weld_events", {"time": events.time_s, "amplitude": events.amplitude})
-    raw = RawRun(_header(options, passage), _still(passage), xr.Dataset(), _arms(time, packed, passage.tool), heard)
+    unit = _listening(passage, seed) if listening else _still()
+    raw = RawRun(_header(options, passage), unit, xr.Dataset(), _arms(time, packed, passage.tool), heard)
     return CaliperLine(raw, _trajectory(passage), truth.joints_table(passage.line), dents, passage)
 
 
@@ -95,10 +98,16 @@ def _arms(time: np.ndarray, packed: np.ndarray, tool: ToolOptions) -> xr.Dataset
     return xr.Dataset({"time": ("scan", time), "radius": (dims, radius, attrs), "arm_angle": ("arm", angle)})
 
 
-def _still(passage: simulate.Passage) -> xr.Dataset:
-    """An inertial unit that is too short to be listened to."""
+def _still() -> xr.Dataset:
     count = np.zeros((10, 3), np.int32)
     return xr.Dataset({"time": ("sample", np.arange(10) * 0.01), "accel_count": (("sample", "axis"), count)})
+
+
+def _listening(passage: simulate.Passage, seed: int) -> xr.Dataset:
+    errors = imu.draw_errors(imu.grade_of(passage.tool), np.random.default_rng(seed))
+    blocks = [(time, accel) for time, _, accel in imu.counts(passage.motion, passage.tool, errors, seed, "r")]
+    time, accel = (np.concatenate([b[k] for b in blocks]) for k in range(2))
+    return xr.Dataset({"time": ("sample", time), "accel_count": (("sample", "axis"), accel)})
 
 
 def _trajectory(passage: simulate.Passage) -> xr.Dataset:

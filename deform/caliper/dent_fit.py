@@ -29,6 +29,7 @@ from deform.caliper.dent_shape import ALONG, AROUND, CLOCK, DEPTH, LENGTH, PLACE
 
 PRIOR = Prior()
 _ROUNDS = 30
+_HOLE = 1.2  # of the length: what lies within belongs to the dent and says nothing of the section
 _SETTLED = 6  # rounds after which the dent is known well enough to judge the section
 _SMALL = 0.02  # of its sigma: a step below this in all unknowns ends the iteration
 _LARGEST_STEP = np.array([0.5, 0.1, 0.15, 0.35, 0.35, 0.6, 0.6])  # of each unknown in one round; place and clock in sizes
@@ -49,7 +50,7 @@ class _State:
 
 
 def fit_dent(
-    samples: DentSamples, centre: float, clock: float, depth: float, sigma: float, outer_radius: float
+    samples: DentSamples, centre: float, clock: float, depth: float, sigma: float, outer_radius: float, length: float = 0.4
 ) -> DentFit | None:
     """Fit the shape; None when there is too little sound wall or too few readings.
 
@@ -59,8 +60,9 @@ def fit_dent(
     centre, clock, depth : where to begin (m, rad, m).
     sigma : standard deviation of one reading (m).
     outer_radius : of the pipe (m).
+    length : stretch (m) about the centre that the dent takes at first sight.
     """
-    problem = _Problem.of(samples, centre, clock, depth, sigma, outer_radius)
+    problem = _Problem.of(samples, (centre, clock, depth), sigma, outer_radius, length)
     return None if problem is None else problem.solve()
 
 
@@ -76,10 +78,10 @@ class _Problem:
     spacing: float  # rad
 
     @classmethod
-    def of(cls, samples: DentSamples, centre: float, clock: float, depth: float, sigma: float, outer_radius: float):
+    def of(cls, samples: DentSamples, start: tuple[float, float, float], sigma: float, outer_radius: float, length: float):
         spread = np.where(np.isfinite(samples.radius), sigma / np.sqrt(samples.count)[:, None], np.inf)
         radius, clocks = samples.centred(samples.right, samples.up)
-        sound = np.where(np.abs(wrap(clocks - clock)) > 1.0, radius, np.nan)
+        sound = np.where(np.abs(wrap(clocks - start[1])) > 1.0, radius, np.nan)
         there = np.isfinite(sound).sum(axis=1)
         if (there >= 4).sum() < 8:
             return None
@@ -89,7 +91,7 @@ class _Problem:
         step, bead = wall_marks(samples.place, level, noise)
         spread[bead] = np.inf
         spacing = 2 * np.pi / samples.arms
-        begun = _begin(samples, spread, step, centre, clock, depth, spacing)
+        begun = _begin(samples, spread, step, start, length, spacing)
         return None if begun is None else cls(samples, spread, step, bead, *begun, outer_radius, spacing)
 
     def solve(self) -> DentFit | None:
@@ -106,13 +108,23 @@ class _Problem:
         return self._result(covariance, fixed)
 
     def _smoothness(self) -> None:
-        """Choose how fast the section may bend, now that the dent is nearly known."""
+        """Choose anew where the section may bend, and how fast, now that the dent is nearly known."""
         state, samples = self.state, self.samples
         radius, clock = samples.centred(state.right, state.up)
-        flat = np.nan_to_num(radius) + inward(state.dent, samples.place[:, None], clock)
-        root = self._root(flat - self.model.design(clock) @ state.section, clock, _SETTLED)
-        rough = roughness(samples.place, clock, flat, root, self.step)
-        self.model = SectionModel.build(samples.place, self.step, rough)
+        half = 0.5 * _HOLE * float(np.exp(state.dent[LENGTH]))
+        hole = (state.dent[PLACE] - half, state.dent[PLACE] + half)
+        outside = (samples.place < hole[0]) | (samples.place > hole[1])
+        root = self._root(self._left(radius, clock), clock, _SETTLED) * outside[:, None]
+        rough = roughness(samples.place, clock, np.nan_to_num(radius), root, hole, self.step)
+        self.model, before = SectionModel.build(samples.place, hole, self.step, rough), self.model
+        fitted = before.hats @ state.section.reshape(3, -1).T
+        solution, *_ = np.linalg.lstsq(self.model.hats, fitted, rcond=None)
+        self.state = replace(state, section=solution.T.ravel())
+
+    def _left(self, radius: np.ndarray, clock: np.ndarray) -> np.ndarray:
+        """What dent and section leave of the readings."""
+        u = inward(self.state.dent, self.samples.place[:, None], clock)
+        return np.where(np.isfinite(self.sigma), np.nan_to_num(radius) - self.model.design(clock) @ self.state.section + u, 0.0)
 
     def _round(self, turn: int) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """One step of all unknowns; the step of the dent's, their covariance, and that if the section were known."""
@@ -201,24 +213,24 @@ class _Problem:
         if self.spacing > _SPARSE * width:
             more = np.maximum(np.diag(covariance) - np.diag(fixed), 0.0)[[DEPTH, CLOCK, WIDTH]] * max(1.0, misfit) ** 2
             more *= np.array([depth, 1.0, width * self.outer_radius]) ** 2
-            fit = posterior(fit, samples.place, clock, departure, self.sigma * max(1.0, misfit), PRIOR, more)
-        else:
-            fit = corrected(fit, samples.place, clock, departure - u, self.sigma)
+            fit = posterior(fit, samples.place, clock, departure, self.sigma, PRIOR, more)
+        excess = departure - fit.at(samples.place[:, None], clock)
+        fit = corrected(fit, samples.place, clock, excess, self.sigma)
         floor = 0.1 * float(np.min(self.sigma) * np.sqrt(samples.count.max()))
-        return replace(fit, depth_sigma=float(np.hypot(fit.depth_sigma, floor)))
+        return replace(fit, depth_sigma=float(np.sqrt(fit.depth_sigma**2 + floor**2 + self.model.under**2)))
 
 
-def _begin(samples, spread, step, centre: float, clock: float, depth: float, spacing: float):
+def _begin(samples, spread, step, start: tuple[float, float, float], length: float, spacing: float):
     """First unknowns: the section from sound readings, then the dent that explains best what they leave."""
     radius, clocks = samples.centred(samples.right, samples.up)
-    reach = np.abs(samples.place - centre)
-    sector = np.abs(wrap(clocks - clock)) < 1.2
-    sound = ~(sector & (reach < np.quantile(reach, 0.6))[:, None])
-    root = np.where(sound, 1.0 / spread, 0.0)
-    rough = roughness(samples.place, clocks, np.nan_to_num(radius), root, step)
-    model = SectionModel.build(samples.place, step, rough)
-    right, up = samples.right, samples.up
-    section = None
+    hole = (start[0] - 0.5 * length - 0.05, start[0] + 0.5 * length + 0.05)
+    inside = (samples.place > hole[0]) & (samples.place < hole[1])
+    if (~inside).sum() < 6:
+        return None
+    root = np.where(inside[:, None] & (np.abs(wrap(clocks - start[1])) < 1.2), 0.0, 1.0 / spread)
+    rough = roughness(samples.place, clocks, np.nan_to_num(radius), root * ~inside[:, None], hole, step)
+    model = SectionModel.build(samples.place, hole, step, rough)
+    right, up, section = samples.right, samples.up, np.zeros(1)
     for _ in range(2):
         radius, clocks = samples.centred(right, up)
         project = Projector(clocks, root)
@@ -232,5 +244,5 @@ def _begin(samples, spread, step, centre: float, clock: float, depth: float, spa
         right, up = right + np.where(ok, more[0], 0.0), up + np.where(ok, more[1], 0.0)
     radius, clocks = samples.centred(right, up)
     departure = np.where(np.isfinite(spread), model.design(clocks) @ section - np.nan_to_num(radius), np.nan)
-    dent = first_guess(samples.place, clocks, departure, spread, (centre, clock, depth), spacing)
+    dent = first_guess(samples.place, clocks, departure, spread, start, spacing)
     return None if dent is None else (_State(dent, section, right, up), model)

@@ -8,9 +8,8 @@ import numpy as np
 
 from deform.caliper.dent_shape import ALONG, AROUND, DEPTH, LENGTH, LN10, WIDTH, DentFit, wrap
 
-_STAGES = 4  # the grid is laid anew about the mean, four sigma to either side
-_WIDTHS, _CLOCKS, _FULLS = 17, 17, 5  # points of the grid
-_REACH = 4.0  # sigma
+_WIDTHS, _FULLS, _CLOCKS = 41, 7, 321  # points of the grid
+_TRUE_TO_SHAPE = 0.02  # of the largest amplitude: how well a real dent keeps to the shape
 
 
 @dataclass(frozen=True)
@@ -69,13 +68,13 @@ def first_guess(
     spacing : rad, between arms.
     """
     centre, at, depth = start
-    near = (np.abs(place - centre) < 0.8)[:, None] & (np.abs(wrap(clock - at)) < 1.6) & np.isfinite(departure) & (sigma < np.inf)
+    near = (np.abs(place - centre) < 1.2)[:, None] & (np.abs(wrap(clock - at)) < 1.6) & np.isfinite(departure) & (sigma < np.inf)
     if near.sum() < 10:
         return None
     rows, columns = np.nonzero(near)
     s, phi, y, w = place[rows], clock[rows, columns], departure[near], 1.0 / sigma[near] ** 2
     best = (np.inf, None)
-    for length in (0.1, 0.17, 0.3, 0.5, 0.9):
+    for length in (0.1, 0.17, 0.3, 0.5, 0.9, 1.6):
         for width in (0.25, 0.5, 1.0, 1.9):
             if width < 0.8 * spacing:
                 continue
@@ -111,61 +110,75 @@ def posterior(
 
     Notes
     -----
-    Width, clock and fullness around run over a grid; for each the depth is linear, and is integrated in closed form. The grid
-    begins wide, three arms across, and closes in on what is probable.
+    The readings of an arm along the dent give its amplitude. Width, fullness around and clock run over a grid; for each the
+    depth is linear, and is integrated in closed form. Two arms that see the flanks of a narrow dent leave its depth open upwards: the
+    sigma of the depth is such that 1.96 of it reach the outer fortieths of its distribution.
     """
-    along = np.exp(-LN10 * np.abs(2 * (place - fit.centre) / fit.length) ** fit.along_power)
-    spacing = 2 * np.pi / clock.shape[1]
-    best = fit.width / fit.outer_radius
-    reach = max(2.0 * best, 3.0 * spacing)
-    near = (along > 0.03)[:, None] & (np.abs(wrap(clock - fit.clock)) < reach) & np.isfinite(departure) & (sigma < np.inf)
-    if near.sum() < 3:
+    arms = _amplitudes(fit, place, clock, departure, sigma)
+    if arms is None:
         return fit
-    readings = (
-        np.broadcast_to(along[:, None], clock.shape)[near],
-        wrap(clock[near] - fit.clock),
-        departure[near],
-        1.0 / sigma[near] ** 2,
-    )
-    middle, spread = np.array([np.log(best), 0.0]), np.array([0.35, 0.3 * spacing])
-    for _ in range(_STAGES):
-        share, size, power, log_width, turn = _weights(fit, readings, middle, spread, prior)
-        middle = np.array([share @ log_width, share @ turn])
-        step = 2 * _REACH * spread / (np.array([_WIDTHS, _CLOCKS]) - 1)
-        found = np.sqrt([share @ (log_width - middle[0]) ** 2, share @ (turn - middle[1]) ** 2])
-        spread = np.maximum(found, 0.5 * step)
-    depth = float(share @ size)
-    width = float(share @ np.exp(log_width)) * fit.outer_radius
-    width2 = float(share @ np.exp(2 * log_width)) * fit.outer_radius**2 - width**2
-    return replace(
-        fit,
-        depth=depth,
-        clock=float((fit.clock + middle[1]) % (2 * np.pi)),
-        width=width,
-        depth_sigma=float(np.sqrt(share @ (size**2 + 1.0 / power) - depth**2 + section[0])),
-        clock_sigma=float(np.sqrt(found[1] ** 2 + section[1])),
-        width_sigma=float(np.sqrt(max(width2, 0.0) + section[2])),
-    )
-
-
-def _weights(fit: DentFit, readings: tuple[np.ndarray, ...], middle: np.ndarray, spread: np.ndarray, prior: Prior):
-    """Share of each dent of a grid, with its depth (m), the inverse variance of that, log width (of rad) and clock (rad)."""
-    along, phi, value, weight = readings
-    log_widths = middle[0] + spread[0] * np.linspace(-_REACH, _REACH, _WIDTHS)
-    clocks = middle[1] + spread[1] * np.linspace(-_REACH, _REACH, _CLOCKS)
-    fulls = 2.0 * prior.alike_sigma * np.linspace(-1.0, 1.0, _FULLS)
-    log_width, turn, full = (v.ravel() for v in np.meshgrid(log_widths, clocks, fulls, indexing="ij"))
-    around = np.clip(fit.along_power + full, 1.05, 8.0)
-    shape = along * np.exp(-LN10 * np.abs(2 * (phi - turn[:, None]) / np.exp(log_width)[:, None]) ** around[:, None])
-    power = np.maximum((shape**2) @ weight, 1e-12)
-    size = (shape @ (weight * value)) / power
-    ok = size > 0
-    log_size, log_metre = np.log(np.where(ok, size, 1.0)), log_width + np.log(fit.outer_radius)
+    turn, value, spread2 = arms
+    spacing = 2 * np.pi / clock.shape[1]
+    log_width = np.linspace(np.log(0.4 * spacing), np.log(max(3.0 * spacing, 2.5 * fit.width / fit.outer_radius)), _WIDTHS)
+    full = 2.0 * prior.alike_sigma * np.linspace(-1.0, 1.0, _FULLS)
+    log_width, full = (v.ravel() for v in np.meshgrid(log_width, full, indexing="ij"))
+    at = spacing * np.linspace(-1.0, 1.0, _CLOCKS)
+    size, power = _depths(turn, value, 1.0 / spread2, log_width, np.clip(fit.along_power + full, 1.05, 8.0), at)
+    log_size, log_metre = np.log(size), (log_width + np.log(fit.outer_radius))[:, None]
     unlike = (
         ((log_size - log_metre - prior.steep) / prior.steep_sigma) ** 2
         + ((log_metre - np.log(fit.length) - prior.aspect) / prior.aspect_sigma) ** 2
-        + (full / prior.alike_sigma) ** 2
+        + (full[:, None] / prior.alike_sigma) ** 2
     )
-    log = np.where(ok, 0.5 * size**2 * power - 0.5 * np.log(power) - log_size - 0.5 * unlike, -np.inf)
+    log = 0.5 * size**2 * power - 0.5 * np.log(power) - log_size - 0.5 * unlike
     share = np.exp(log - log.max())
-    return share / share.sum(), size, power, log_width, turn
+    share /= share.sum()
+    widths, clocks = share.sum(axis=1), share.sum(axis=0)
+    mean_clock, width = float(clocks @ at), float(widths @ np.exp(log_metre[:, 0]))
+    depth, depth_sigma = _mean_and_reach(size.ravel(), share.ravel(), float(np.sum(share / power)))
+    return replace(
+        fit,
+        depth=depth,
+        clock=float((fit.clock + mean_clock) % (2 * np.pi)),
+        width=width,
+        depth_sigma=float(np.sqrt(depth_sigma**2 + section[0])),
+        clock_sigma=float(np.sqrt(clocks @ (at - mean_clock) ** 2 + (at[1] - at[0]) ** 2 / 12.0 + section[1])),
+        width_sigma=float(np.sqrt(widths @ (np.exp(log_metre[:, 0]) - width) ** 2 + section[2])),
+    )
+
+
+def _amplitudes(fit: DentFit, place: np.ndarray, clock: np.ndarray, departure: np.ndarray, sigma: np.ndarray):
+    """Clock about the apex (rad), amplitude along the dent (m) and its variance of each arm in reach; None for too few."""
+    along = np.exp(-LN10 * np.abs(2 * (place - fit.centre) / fit.length) ** fit.along_power)
+    reach = max(2.0 * fit.width / fit.outer_radius, 6.0 * np.pi / clock.shape[1])
+    turn = wrap(clock - fit.clock)
+    near = (along > 0.03)[:, None] & (np.abs(turn) < reach) & np.isfinite(departure) & (sigma < np.inf)
+    weight = np.where(near, 1.0 / sigma**2, 0.0)
+    power = (weight * along[:, None] ** 2).sum(axis=0)
+    seen = power > 0.05 * power.max(initial=0.0)
+    if seen.sum() < 1 or not power.any():
+        return None
+    share = weight[:, seen] / np.maximum(weight[:, seen].sum(axis=0), 1e-12)
+    value = (weight * along[:, None] * np.where(near, departure, 0.0)).sum(axis=0)[seen] / power[seen]
+    spread2 = 1.0 / power[seen] + (_TRUE_TO_SHAPE * np.max(value)) ** 2
+    return (share * np.where(near, turn, 0.0)[:, seen]).sum(axis=0), value, spread2
+
+
+def _depths(turn, value, weight, log_width, power, at) -> tuple[np.ndarray, np.ndarray]:
+    """Depth (m) and its inverse variance for each width and fullness (k) at each clock (m), from the amplitudes of the arms."""
+    log_off = np.log(np.maximum(np.abs(turn - at[:, None]), 1e-9)) + np.log(2.0)
+    size, total = np.empty((log_width.size, at.size)), np.empty((log_width.size, at.size))
+    for k in range(log_width.size):
+        shape = np.exp(-LN10 * np.exp(power[k] * (log_off - log_width[k])))
+        total[k] = np.maximum((shape**2) @ weight, 1e-12)
+        size[k] = np.maximum(shape @ (weight * value) / total[k], 1e-5)
+    return size, total
+
+
+def _mean_and_reach(value: np.ndarray, share: np.ndarray, noise2: float) -> tuple[float, float]:
+    """Mean, and the sigma of which 1.96 reach the outer fortieths of a distribution on both sides."""
+    mean = float(share @ value)
+    order = np.argsort(value)
+    low, high = np.interp([0.025, 0.975], np.cumsum(share[order]), value[order])
+    spread = float(np.sqrt(share @ (value - mean) ** 2))
+    return mean, float(np.hypot(max(spread, (high - mean) / 1.96, (mean - low) / 1.96), np.sqrt(noise2)))

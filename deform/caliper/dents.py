@@ -159,7 +159,7 @@ def _fitted_together(
                 continue
             others = [f for j, f in enumerate(fits) if f is not None and j != k]
             start = (candidate.centre, candidate.clock, candidate.depth)
-            fit = fit_dent(samples.without(others), *start, sigma, radius)
+            fit = fit_dent(samples.without(others), *start, sigma, radius, candidate.end - candidate.start)
             real = fit is not None and fit.depth >= least and _real(fit, samples) and not any(_same(fit, f) for f in others)
             fits[k] = fit if real else None
     return [f for f in fits if f is not None]
