@@ -13,6 +13,7 @@ from deform.caliper.dent_fit import fit_dent
 from deform.caliper.dent_samples import DentSamples, gather
 from deform.caliper.dent_shape import DentFit, wrap
 from deform.caliper.scans import ScanReader
+from deform.caliper.stretches import Row
 from deform.run import build
 
 OPENING_M = 3e-3  # some arms reach this far outside the section: a tee, a tap or another opening
@@ -25,6 +26,7 @@ _CANDIDATE_SIGMA = 2.2  # of one reading, after the running mean; the largest of
 _GAP_M = 0.08  # a candidate may be interrupted this long
 _LEAST_SCANS = 3
 _FLANK_M = 0.6  # sound wall on either side from which the undamaged section is taken
+_APEXES_DEG = 40.0  # apexes of one dent, and ripples of one wrinkle, lie this near to each other around the pipe
 _SAME_M, _SAME_RAD = 0.05, 0.35  # fits nearer to each other than this are one dent
 
 
@@ -198,23 +200,31 @@ def dataset(fits: list[DentFit], least_depth: float) -> xr.Dataset:
     return build.dataset("dents", values, least_depth_m=least_depth, reference="robust section of the wall on both sides")
 
 
-def beside_welds(dents: xr.Dataset, welds: xr.Dataset) -> xr.Dataset:
-    """Return the dents with the distance from the next weld upstream (m), and their class: plain, at weld, multi-apex."""
-    place, joints = dents["chainage"].values, welds["chainage"].values[welds["probability"].values >= 0.5]
-    reach = 0.5 * dents["length"].values + 0.02
+def beside_welds(dents: xr.Dataset, welds: xr.Dataset, ripples: list[Row]) -> xr.Dataset:
+    """Return the dents with the wall (m) of their joint, the distance from the next weld upstream (m), and their class.
+
+    The class is plain, multi-apex, at weld, or wrinkle, the last that holds.
+    """
+    place, clock, length = (dents[n].values for n in ("chainage", "clock", "length"))
+    sure = welds["probability"].values >= 0.5
+    joints, wall = welds["chainage"].values[sure], welds["wall_thickness"].values[sure]
+    reach = 0.5 * length + 0.02
     shape = np.array(["plain"] * place.size, dtype=object)
-    distance = np.full(place.size, np.nan)
+    distance, thickness = np.full(place.size, np.nan), np.full(place.size, np.nan)
     for k, centre in enumerate(place):
-        before = joints[joints <= centre]
-        if before.size:
-            distance[k] = centre - before[-1]
-        others = np.abs(place - centre) < reach[k] + reach
-        turned = np.abs((dents["clock"].values - dents["clock"].values[k] + 180) % 360 - 180) < 40
-        if (others & turned).sum() > 1:
+        before = int(np.searchsorted(joints, centre, side="right")) - 1
+        if before >= 0:
+            distance[k], thickness[k] = centre - joints[before], wall[before]
+        near = (np.abs(place - centre) < reach[k] + reach) & (np.abs((clock - clock[k] + 180) % 360 - 180) < _APEXES_DEG)
+        if near.sum() > 1:
             shape[k] = "multi-apex"
         if joints.size and np.abs(joints - centre).min() < reach[k]:
             shape[k] = "at weld"
-    return build.add(dents, "dents", {"weld_distance": distance, "shape": shape})
+        for r in ripples:
+            turn = abs((float(r["clock"]) - clock[k] + 180) % 360 - 180)  # type: ignore[arg-type]  # plain numbers
+            if float(r["chainage"]) < centre < float(r["chainage_end"]) and turn < _APEXES_DEG:  # type: ignore[arg-type]
+                shape[k] = "wrinkle"
+    return build.add(dents, "dents", {"weld_distance": distance, "wall_thickness": thickness, "shape": shape})
 
 
 __all__ = ["Candidate", "candidates", "dataset", "limits", "measure_dents"]

@@ -13,12 +13,15 @@ from deform.caliper import ovality
 from deform.caliper.arms import examine_arms
 from deform.caliper.cross_section import Limits, Records, ScanLog, log_scans, section_fitters
 from deform.caliper.dents import beside_welds, candidates, limits, measure_dents
-from deform.caliper.features import features, joint_walls
+from deform.caliper.features import features
+from deform.caliper.joints import joint_walls, name_joints
+from deform.caliper.scan_clock import ClockError, clock_error
 from deform.caliper.scans import SEGMENT, ScanBlock, ScanReader
 from deform.caliper.tool_pose import pose
 from deform.caliper.wall import WallMap, detail_maps, relieve, wall_dataset
-from deform.caliper.weld_channels import accelerometer_channel, arms_channel, detector_channel
+from deform.caliper.weld_channels import Channel, accelerometer_channel, arms_channel, detector_channel
 from deform.caliper.welds import weld_log
+from deform.caliper.wrinkles import wrinkles
 from deform.geometry.harmonics import HarmonicFitter
 from deform.options import CaliperOptions
 from deform.run.raw import RawRun
@@ -77,8 +80,8 @@ def measure(
     heard = [detector_channel(raw, trajectory), accelerometer_channel(raw, trajectory)]
     joint = raw.header.pipe.nominal_joint_m
     if raw.arms is None or raw.header.caliper is None:
-        channels = [c for c in heard if c is not None]
-        return Measurement(welds=weld_log(channels, trajectory, options.weld_cluster_m, joint))
+        welds = weld_log([c for c in heard if c is not None], trajectory, options.weld_cluster_m, joint)
+        return Measurement(welds=name_joints(welds, None, joint, float(trajectory["chainage"].max())))
     tell(0.05)
     reader = ScanReader(raw, trajectory, options.block_scans)
     state = examine_arms(reader, raw.header.caliper.noise_m or 3e-4, options.largest_lost_arms)
@@ -87,24 +90,27 @@ def measure(
     least = options.least_dent_depth_od * diameter
     limit = limits(sigma, least)
     fitters = section_fitters(reader, state.sigma, options.largest_lost_arms)
-    coarse, logs = _log_and_map(reader, fitters, limit, options, tell)
+    coarse, logs, arms = _scanned(reader, fitters, limit, options, [c for c in heard if c is not None], trajectory, tell)
     _tell_lost(reader, logs)
-    dents, fits = measure_dents(reader, logs, candidates(reader, logs, limit.dip), sigma, diameter, least)
+    found = candidates(reader, logs, limit.dip)
+    dents, fits = measure_dents(reader, logs, found, sigma, diameter, least)
+    ripples = wrinkles(reader, logs, found, sigma, diameter)
     relieve(reader, logs, fitters, fits)
     section = ovality.sections(reader, logs, diameter, options.wall_step_m, options.section_window_m, options.ovality_definition)
     tool = pose(reader, logs)
     spans = np.array([(f.centre - 0.6 * f.length, f.centre + 0.6 * f.length) for f in fits]).reshape(-1, 2)
     tell(0.85)
-    arms = [c.without(spans) for c in (arms_channel(reader, log) for log in logs) if c is not None]
-    welds = weld_log([c for c in (heard[0], *arms, heard[1]) if c is not None], trajectory, options.weld_cluster_m, joint)
-    welds = joint_walls(welds, section, diameter)
-    dents = beside_welds(dents, welds)
-    found = features(welds, section, reader, logs, fits, trajectory, diameter)
+    seen = [c.without(spans) for c in arms]
+    welds = weld_log([c for c in (heard[0], *seen, heard[1]) if c is not None], trajectory, options.weld_cluster_m, joint)
+    welds = joint_walls(welds, reader, logs, diameter)
+    dents = beside_welds(dents, welds, ripples)
+    known = features(welds, section, reader, logs, ripples, trajectory, diameter)
+    welds = name_joints(welds, known, joint, reader.span()[1])
     windows = _joined([(a - options.detail_margin_m, b + options.detail_margin_m) for a, b in spans])
     fine = detail_maps(reader, logs, fitters, windows, fits, options.detail_step_m, coarse.bins)
     wall = wall_dataset(coarse, fine, options.detail_step_m, section, tool)
     tell(1.0)
-    return Measurement(welds=welds, sections=section, wall=wall, pose=tool, dents=dents, features=found)
+    return Measurement(welds=welds, sections=section, wall=wall, pose=tool, dents=dents, features=known)
 
 
 def on_chainage(measurement: Measurement, chainage: np.ndarray) -> xr.Dataset | None:
@@ -116,6 +122,37 @@ def on_chainage(measurement: Measurement, chainage: np.ndarray) -> xr.Dataset | 
     further than a metre from any measured section. Attribute ``definition`` says which ovality it is.
     """
     return None if measurement.sections is None else ovality.on_chainage(measurement.sections, chainage)
+
+
+def _scanned(
+    reader: ScanReader,
+    fitters: list[HarmonicFitter],
+    limit: Limits,
+    options: CaliperOptions,
+    heard: list[Channel],
+    trajectory: xr.Dataset,
+    tell: Callable[[float], None],
+) -> tuple[WallMap, list[ScanLog], list[Channel]]:
+    """The pass over all scans and the welds that each ring saw; a second one where the scan clock had to be put right."""
+    error: ClockError | None = None
+    while True:
+        coarse, logs = _log_and_map(reader, fitters, limit, options, tell)
+        arms = [c for c in (arms_channel(reader, log) for log in logs) if c is not None]
+        if error is not None or not arms:
+            return coarse, logs, arms
+        error = clock_error(arms[0], heard, trajectory, reader.sign)
+        if error is None:
+            return coarse, logs, arms
+        logger.warning(
+            "%s: by %d welds the scan clock runs %.1f ppm fast, is %.3f s late in the middle of the run, and the rings stand "
+            "%.3f m off their place; put right",
+            reader.raw.id,
+            error.pairs,
+            error.rate * 1e6,
+            error.late,
+            error.ahead,
+        )
+        reader.correct_clock(error)
 
 
 def _log_and_map(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -11,6 +12,9 @@ import xarray as xr
 from deform.caliper._kernels import unrest
 from deform.errors import Fault, InputError
 from deform.run.raw import RawRun
+
+if TYPE_CHECKING:
+    from deform.caliper.scan_clock import ClockError
 
 logger = logging.getLogger(__name__)
 
@@ -83,6 +87,11 @@ class ScanReader:
     def calibrate(self, offset: np.ndarray, dead: np.ndarray) -> None:
         """Take arm offsets (rings, arms) in metre off every reading from now on, and drop dead arms."""
         self._offset, self._dead = np.where(np.isfinite(offset), offset, 0.0), dead
+
+    def correct_clock(self, error: ClockError) -> None:
+        """Put the scans on the clock of the inertial unit, and the rings in their place, from now on."""
+        self.time = error.right(self.time)
+        self.ring_offset = tuple(y + error.ahead for y in self.ring_offset)
 
     def chainage(self, time: np.ndarray, ring: int) -> np.ndarray:
         """Chainage (m) of a ring: that of the IMU, moved along the pipe by the ring's distance from it."""
