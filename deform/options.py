@@ -44,7 +44,7 @@ class CaliperOptions:
     ovality_definition: Literal["outside", "mean"] = "outside"  # (max - min) / outside diameter, or / mean diameter
     largest_lost_arms: Probability = 0.34  # a section that lost a greater share of its arms is refused
     weld_cluster_m: Positive = 0.15  # events of different sensors this near to each other are one weld
-    block_scans: Annotated[int, Field(ge=1000)] = 100_000
+    block_scans: Annotated[int, Field(ge=1000)] = 20_480  # scans read at once; it bounds the memory of the pass
 
 
 @dataclass(frozen=True, config=_STRICT)
