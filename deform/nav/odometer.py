@@ -299,7 +299,7 @@ def _stalls(knots: _Knots, mean: Floats, good: Floats, remarks: list[str]) -> tu
     limit = _quiet_limit(knots, still)
     stalled = still & (_shake_smoothed(knots) > limit)
     lag = np.zeros(mean.size)
-    found = []
+    found, rocked = [], 0
     for first, last in _stretches(stalled):
         if (last - first) * knots.step < 2.0:
             continue
@@ -307,11 +307,17 @@ def _stalls(knots: _Knots, mean: Floats, good: Floats, remarks: list[str]) -> tu
         first, last = max(first - reach, 1), min(last + reach, mean.size - 1)
         before = mean[max(first - 2 * reach, 0) : first].mean() if first > 1 else 0.0
         after = mean[last : last + 2 * reach].mean() if last < mean.size - 1 else 0.0
+        if before <= 0.0 and after <= 0.0:  # no wheel turns on either side: the tool rests and is rocked, nothing is stalled
+            lag[first:last] = knots.step
+            rocked += last - first
+            continue
         mean[first:last] = np.linspace(before, after, last - first)
         lag[first:last] = knots.step * (1 + np.arange(last - first))
         good[first:last] = True
         found.append((knots.start + first * knots.step, knots.start + last * knots.step))
         remarks.append(f"all wheels stalled from t={found[-1][0]:.1f} s to {found[-1][1]:.1f} s; the speed there is guessed")
+    if rocked:
+        remarks.append(f"shaken while at rest for {rocked * knots.step:.0f} s in all; no zero velocity is taken there")
     return tuple(found), lag
 
 
