@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from deform.geometry import earth
-from deform.geometry.rotation import attitude_to_matrix, rotation_vector_to_matrix
+from deform.geometry.rotation import attitude_to_matrix, matrix_to_rotation_vector, rotation_vector_to_matrix
 from deform.nav.inertial_alignment import Record, gravity_pushes
 from deform.options import ToolOptions
 from deform.synthetic import imu
@@ -47,37 +47,23 @@ class Truth:
         state = passage.motion.states(self.t)
         latitude, longitude, height = state[:, :3].T
         self.latitude, self.height = float(np.degrees(latitude[0])), float(height[0])
-        meridian, normal = (float(r) + height[0] for r in earth.radii(self.latitude))
-        tilt = np.column_stack(
-            [
-                latitude[0] - latitude,
-                *(np.array([np.cos(latitude[0]), np.sin(latitude[0])])[:, None] * (longitude - longitude[0])),
-            ]
-        )
-        level = rotation_vector_to_matrix(
-            earth.earth_rate(self.latitude) * (self.t - self.t[0])[:, None]
-        ) @ rotation_vector_to_matrix(tilt)
+        north, about = latitude - latitude[0], longitude - longitude[0]
+        tilt = np.column_stack([-north, np.cos(latitude[0]) * about, np.sin(latitude[0]) * about])
+        rate = earth.earth_rate(self.latitude)
+        level = rotation_vector_to_matrix(rate * (self.t - self.t[0])[:, None]) @ rotation_vector_to_matrix(tilt)
         self.C0 = true_attitudes(passage, self.t[:1])[0]
         self.Q = level @ true_attitudes(passage, self.t)
         self.v = np.einsum("nij,nj->ni", level, state[:, 3:6])
-        rate = earth.earth_rate(self.latitude)
         pull = -level[:, :, 2] * earth.gravity(np.degrees(latitude), height)[:, None]
         self.f = np.gradient(self.v, STEP_S, axis=0) - pull + np.cross(rate, self.v)
-        turn = self.Q[:-1].transpose(0, 2, 1) @ self.Q[1:]
-        half = (
-            0.5
-            * np.stack([turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], axis=1)
-            / STEP_S
-        )
-        self.w = np.concatenate([half, half[-1:]])
-        self.right, self.up = level[:, :, 0] * 0.0, level[:, :, 2]
-        forward = self.v / np.maximum(np.linalg.norm(self.v, axis=1), 1e-3)[:, None]
-        self.right = np.cross(forward, self.up)
-        self.distance = state[:, 6] - state[0, 6]
-        self.speed = state[:, 7]
+        turn = matrix_to_rotation_vector(self.Q[:-1].transpose(0, 2, 1) @ self.Q[1:]) / STEP_S
+        self.w = np.concatenate([turn, turn[-1:]])
+        self.distance, self.speed = state[:, 6] - state[0, 6], state[:, 7]
+        self.forward = self.v / np.maximum(self.speed, 1e-3)[:, None]
+        self.up = level[:, :, 2]
+        self.right = np.cross(self.forward, self.up)
         self.ends = np.searchsorted(self.t, start + np.cumsum(kept.duration) - 1e-6)
         self.begins = np.concatenate([[0], self.ends[:-1]])
-        del meridian, normal
 
     def misfits(self, kept: Record) -> np.ndarray:
         """Odometer's minus inertial displacement of each entry with the true first attitude and velocity (3 K,)."""
@@ -115,11 +101,13 @@ class Truth:
             self.response(o((9, 3)), shape, o((9, n, 3)), o((9, 3))),
             self.response(o((9, 3)), o((9, n, 3)), push, o((9, 3))),
         ]
-        askew = _integral(np.stack([-self.Q[:, :, 0], -self.Q[:, :, 2], self.v / self.speed[:, None]]) * self.speed[:, None])
+        ways = np.stack([-self.Q[:, :, 0], -self.Q[:, :, 2], self.forward])
+        askew = _integral(ways * self.speed[:, None])
         parts.append((askew[:, self.ends] - askew[:, self.begins]).reshape(3, -1).T)
-        variance = np.concatenate([
-            [1.0] * 3, [1.0] * 3, [(grade.gyro_bias_deg_per_h * imu.DEG_PER_H) ** 2] * 3, [(grade.accel_bias_ug * imu.MICRO_G) ** 2] * 3,
-            scale**2, accel_scale**2, [np.radians(tool.mounting_deg) ** 2] * 2, [tool.wheel_scale**2 / tool.wheels]])  # fmt: skip
+        drift, bias = grade.gyro_bias_deg_per_h * imu.DEG_PER_H, grade.accel_bias_ug * imu.MICRO_G
+        mounted, stretch = np.radians(tool.mounting_deg), tool.wheel_scale / np.sqrt(tool.wheels)
+        sigma = [[1.0] * 6, [drift] * 3, [bias] * 3, scale, accel_scale, [mounted] * 2, [stretch]]
+        variance = np.concatenate(sigma) ** 2
         return np.hstack(parts), variance
 
     def sensor_noise(self, grade: imu.Grade) -> np.ndarray:
@@ -129,9 +117,11 @@ class Truth:
         decay = np.exp(-np.abs(self.t - self.t[:, None]) / grade.wander_s) * after
         drive = imu.wander_sigma(grade) * np.sqrt(2.0 * STEP_S / grade.wander_s)
         drive_first = imu.wander_sigma(grade)
-        walks = np.repeat(
-            [grade.gyro_random_walk_deg_per_sqrt_h * imu.DEG_PER_SQRT_H, grade.accel_random_walk_ug_per_sqrt_hz * imu.MICRO_G], 3
+        walk_g, walk_a = (
+            grade.gyro_random_walk_deg_per_sqrt_h * imu.DEG_PER_SQRT_H,
+            grade.accel_random_walk_ug_per_sqrt_hz * imu.MICRO_G,
         )
+        walks = np.repeat([walk_g, walk_a], 3)
         R = np.zeros((3 * self.ends.size, 3 * self.ends.size))
         nothing, zero = np.zeros((n, n, 3)), np.zeros((n, 3))
         for axis in range(6):
@@ -158,8 +148,7 @@ class Truth:
                 M[i, :, a : b + 1] = (across[a : b + 1] * (self.speed[a : b + 1] * weight)[:, None]).T
             M = M.reshape(3 * K, n)
             R += M @ like @ M.T
-        forward = self.v / np.maximum(self.speed, 1e-3)[:, None]
-        for axis, sigma in ((forward, TRAVEL_SIGMA_M), (self.right, OFFSET_SIGMA_M), (self.up, OFFSET_SIGMA_M)):
+        for axis, sigma in ((self.forward, TRAVEL_SIGMA_M), (self.right, OFFSET_SIGMA_M), (self.up, OFFSET_SIGMA_M)):
             M = np.zeros((K, 3, K + 1))
             for i, (a, b) in enumerate(zip(self.begins, self.ends, strict=True)):
                 M[i, :, i], M[i, :, i + 1] = -axis[a], axis[b]

@@ -1,9 +1,9 @@
 """Alignment against its limit, Li et al. (2012): 28.2° N, 600 s, ten sets at rest and ten in motion, azimuth and level.
 
-``python -m benchmarks.alignment [SETS]``. The limit at rest is drift / (Ω cos φ) with the random walk's share of the mean rate. In
-motion it is the best linear estimate from the same data by one who knows the true motion and the true statistics of every
-error (generalised least squares, derived here from the truth, nothing of the filter in it): its expected sigma, and its error in
-each set. The rms of ten sets by itself scatters by a fifth; the ratio to the best estimate of the same sets does not.
+``python -m benchmarks.alignment [SETS]``. The limit at rest is drift / (Ω cos φ) with the random walk's share of the mean rate.
+In motion it is the best linear estimate from the same data by one who knows the true motion and the true statistics of every
+error (generalised least squares, derived here from the truth, nothing of the filter in it): its expected sigma, and its
+error in each set. The rms of ten sets by itself scatters by a fifth; the ratio to the best estimate of the same sets does not.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks._best_alignment import best_estimate, true_attitudes
 from deform.geometry import earth
 from deform.geometry.rotation import matrix_to_rotation_vector
 from deform.nav import odometer
@@ -23,7 +24,6 @@ from deform.nav.navigate import counts_of
 from deform.nav.strapdown import epoch_bounds, preintegrate
 from deform.options import RouteOptions, RunOptions, SimulateOptions, ToolOptions
 from deform.run.raw import RawRun
-from benchmarks._best_alignment import best_estimate, true_attitudes
 from deform.synthetic import imu
 from deform.synthetic.in_memory import raw_run
 from deform.synthetic.route import stream
@@ -38,8 +38,8 @@ def options(seed: int, moving: bool, roll: float, grade: str = "navigation") -> 
     rest = {"static_start_s": 0.0 if moving else SECONDS, "static_end_s": 0.0, "stops": 0}
     tool = ToolOptions(imu=grade, roll_turns_per_km=roll, caliper=False, **rest)
     towards = float(np.random.default_rng(seed).uniform(0.0, 360.0))
-    route = RouteOptions(length_m=900.0 if moving else 60.0, latitude_deg=LATITUDE, azimuth_deg=towards, crossings=0, bend_fields=0,
-                         induction_bends_deg=())  # fmt: skip
+    plain = {"crossings": 0, "bend_fields": 0, "induction_bends_deg": ()}
+    route = RouteOptions(length_m=900.0 if moving else 60.0, latitude_deg=LATITUDE, azimuth_deg=towards, **plain)
     return SimulateOptions(seed=seed, route=route, tool=tool, runs=(RunOptions(id="set", date="2012-07-30"),))
 
 

@@ -114,8 +114,8 @@ def diagnostics_dataset(solution: Solution, aligned: Alignment, reckoning: Float
         values |= _with_sigma("mounting_azimuth", mounting[0], sigma[0]) | _with_sigma("mounting_pitch", mounting[1], sigma[1])
     if model.at[k.B_DELAY] >= 0:
         values |= _with_sigma("delay", smoothed.states[-1, k.DELAY], smoothed.sigma[-1, model.index("delay")][0])
-    for name, angle, sigma in zip(("azimuth", "pitch", "roll"), aligned.angles, aligned.angle_sigma, strict=True):
-        values |= _with_sigma(f"alignment_{name}", angle, sigma)
+    for name, *angle in zip(("azimuth", "pitch", "roll"), aligned.angles, aligned.angle_sigma, strict=True):
+        values |= _with_sigma(f"alignment_{name}", *angle)
     values |= _innovations(solution)
     if reckoning is not None:
         values |= {f"reckoning_{axis}": reckoning[keep, i] for i, axis in enumerate(("east", "north", "up"))}
