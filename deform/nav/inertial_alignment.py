@@ -12,7 +12,8 @@ from deform.geometry import earth
 from deform.geometry.rotation import matrix_to_rotation_vector, rotation_vector_to_matrix, skew
 from deform.nav import _kernels as k
 from deform.nav.aiding import REST_SIGMA_M, TravelAid
-from deform.nav.error_model import STANDARD_GRAVITY, WOBBLE_DEG, WOBBLE_M
+from deform.nav.compensation import STANDARD_GRAVITY
+from deform.nav.error_model import WOBBLE_DEG, WOBBLE_M
 from deform.nav.strapdown import Epochs
 from deform.run.raw import RunHeader
 

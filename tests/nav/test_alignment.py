@@ -20,7 +20,6 @@ from deform.nav.alignment import (
     level_and_gyrocompass,
     static_alignment,
 )
-from deform.nav.compensation import Coefficients, compensated_increments, compensation_table
 from deform.nav.inertial_alignment import fine, record, wahba
 from deform.nav.strapdown import epoch_bounds, preintegrate
 from deform.run.raw import ImuHeader
@@ -186,21 +185,3 @@ def test_a_wrong_pulse_weight_of_the_accelerometers_is_refused():
     C = attitude_to_matrix(100.0, 5.0, 50.0)
     with pytest.raises(InputError, match="gravity at rest"):
         check_physics(C.T @ earth.earth_rate(61.0), C.T @ np.array([0.0, 0.0, 9.5]), 61.0, 200.0, IMU, 600.0)
-
-
-def test_compensation_takes_off_what_was_put_on():
-    known = Coefficients(gyro_drift=(1e-6, -2e-6, 3e-6), gyro_scale=(1e-3, 0.0, -1e-3), gyro_scale_asymmetry=(0.0, 2e-3, 0.0),
-                         mass_unbalance_spin=(1e-6, 0.0, 0.0), mass_unbalance_input=(0.0, 0.0, 1e-6),
-                         spin_axis=(1, 2, 0),
-                         accel_bias=(1e-3, 0.0, -1e-3), accel_scale=(0.0, 1e-3, 0.0),
-                         accel_scale_asymmetry=(0.0, 0.0, 1e-3))  # fmt: skip
-    imu = ImuHeader(rate_hz=10.0, sensor_to_body=((0, -1, 0), (1, 0, 0), (0, 0, 1)))
-    gyro, accel = np.array([[1000, -2000, 3000]], np.int32), np.array([[500, 600, -9000]], np.int32)
-    found, force = compensated_increments(gyro, accel, 1e-6, 1e-4, [0.1], compensation_table(imu, known))
-    a = np.array([0.05, 0.06, -0.9])
-    f = a - np.array([1e-3, 0.0, -1e-3]) * 0.1 - np.array([0.0, 1e-3, 0.0]) * a - np.array([0.0, 0.0, 1e-3]) * np.abs(a)
-    g = np.array([1e-3, -2e-3, 3e-3])
-    w = g - np.array([1e-6, -2e-6, 3e-6]) * 0.1 - np.array([1e-3, 0.0, -1e-3]) * g - np.array([0.0, 2e-3, 0.0]) * np.abs(g)
-    w -= np.array([1e-6 * f[0], 0.0, 0.0]) + np.array([0.0, 0.0, 1e-6 * f[0]])
-    np.testing.assert_allclose(force[0], [-f[1], f[0], f[2]], atol=1e-15)
-    np.testing.assert_allclose(found[0], [-w[1], w[0], w[2]], atol=1e-15)
