@@ -175,8 +175,10 @@ def advance(row, place, v, C, place_after, v_after, C_after):
     middle_latitude = place[0] + 0.5 * T * vn / 6.37e6
     h0, h1, h2 = f0 - x0 / T, f1 - x1 / T, f2 - x2 / T
     y1, y2 = row[SENSE] * EARTH_RATE * T * math.cos(middle_latitude), row[SENSE] * EARTH_RATE * T * math.sin(middle_latitude)
-    me, mn = ve + 0.5 * (f0 - (y1 * h2 - y2 * h1)), vn + 0.5 * (f1 - y2 * h0)
-    mu = vu + 0.5 * (f2 + y1 * h0 - g * T)
+    # half of force and Coriolis; without the latter the level frame would turn by half an epoch's Coriolis velocity too much
+    me = ve + 0.5 * (f0 - (y1 * h2 - y2 * h1)) - (y1 * vu - y2 * vn)
+    mn = vn + 0.5 * (f1 - y2 * h0) - y2 * ve
+    mu = vu + 0.5 * (f2 + y1 * h0 - g * T) + y1 * ve
     north, up, t0, t1, t2, meridian, normal = navigation_rates(middle_latitude, place[2] + 0.5 * T * vu, me, mn, row[SENSE])
     g = gravity(middle_latitude, place[2] + 0.5 * T * vu)
     z0, z1, z2 = t0 * T, (t1 + north) * T, (t2 + up) * T

@@ -18,8 +18,10 @@ from deform.nav.compensation import compensation_table
 from deform.nav.error_model import WOBBLE_DEG, WOBBLE_M, compose
 from deform.nav.filter import Problem
 from deform.nav.first_state import first_state
+from deform.nav.product import Checks
+from deform.nav.reverse import agreement
 from deform.nav.sanity import check_motion
-from deform.nav.second_path import reckoning_difference
+from deform.nav.second_path import second_path
 from deform.nav.solution import Solution, solve
 from deform.nav.strapdown import Counts, epoch_bounds, preintegrate
 from deform.options import NavigationOptions
@@ -39,7 +41,8 @@ class Navigation:
     ----------
     trajectory : group ``trajectory`` of the vocabulary (dim ``time``), about the IMU in the pipe, in the direction of travel.
     markers : group ``markers``: each marker with its misclosure before and after, and a remark where it was not believed.
-    diagnostics : group ``navigation``: alignment, biases, mounting, scale with sigmas, innovations, second trajectory.
+    diagnostics : group ``navigation``: alignment, biases, mounting, scale with sigmas, innovations, second trajectory, backward
+        run; attribute ``remarks`` says in words where these contradict the trajectory.
     """
 
     trajectory: xr.Dataset
@@ -86,13 +89,16 @@ def navigate(
     start, aligned = first_state(raw, epochs, marks, aligned, model, float(travel.speeds[0]))
     solution = solve(Problem(epochs, travel, marks, model, start), ring_centres(raw))
     tell(0.8)
+    checks = Checks(second_path(solution), agreement(solution.problem, solution.filtered, solution.smoothed))
+    for remark in checks.remarks:
+        log.warning("run %s: %s", raw.id, remark)
     line = product.trajectory_dataset(raw, counts, solution, wheels, options)
     remarks = _mark_remarks(solution, passages)
     tell(1.0)
     return Navigation(
         line,
         product.marker_dataset(raw, passages, solution, line, remarks),
-        product.diagnostics_dataset(solution, aligned, reckoning_difference(solution)),
+        product.diagnostics_dataset(solution, aligned, checks),
     )
 
 

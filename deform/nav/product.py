@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 from deform.nav import _kernels, _kernels_filter
 from deform.nav.alignment import Alignment
 from deform.nav.odometer import OdometerSolution
+from deform.nav.reverse import Agreement
+from deform.nav.second_path import SecondPath
 from deform.nav.solution import NO_WEIGHT, Solution
 from deform.nav.strapdown import Counts
 from deform.nav.trajectory import decimation, trajectory
@@ -19,6 +22,21 @@ from deform.run import build
 from deform.run.raw import RawRun
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Checks:
+    """Independent looks at the same run."""
+
+    second: SecondPath
+    backward: Agreement
+
+    @property
+    def remarks(self) -> list[str]:
+        """What contradicts the trajectory, in words."""
+        return [text for text in (self.second.remark(), self.backward.remark()) if text]
+
+
 MOST_EPOCHS = 20_000  # rows of the diagnostics
 
 
@@ -93,7 +111,7 @@ def marker_dataset(
     return build.dataset("markers", {**values, "used": used, "remark": remark})
 
 
-def diagnostics_dataset(solution: Solution, aligned: Alignment, reckoning: Floats | None) -> xr.Dataset:
+def diagnostics_dataset(solution: Solution, aligned: Alignment, checks: Checks) -> xr.Dataset:
     """Return the group ``navigation``."""
     problem, smoothed = solution.problem, solution.smoothed
     keep = slice(None, None, max(1, -(-problem.epochs.time.size // MOST_EPOCHS)))
@@ -117,9 +135,14 @@ def diagnostics_dataset(solution: Solution, aligned: Alignment, reckoning: Float
     for name, *angle in zip(("azimuth", "pitch", "roll"), aligned.angles, aligned.angle_sigma, strict=True):
         values |= _with_sigma(f"alignment_{name}", *angle)
     values |= _innovations(solution)
-    if reckoning is not None:
-        values |= {f"reckoning_{axis}": reckoning[keep, i] for i, axis in enumerate(("east", "north", "up"))}
-    return build.dataset("navigation", values, error_model=model.name, alignment_method=aligned.method)
+    second, backward = checks.second, checks.backward
+    for i, axis in enumerate(("east", "north", "up")):
+        values |= _with_sigma(f"reckoning_{axis}", second.difference[keep, i], second.sigma[keep, i])
+        values |= _with_sigma(f"backward_{axis}", backward.difference[:, i], backward.sigma[:, i])
+    values |= _with_sigma("backward_azimuth", *np.degrees([backward.difference[:, 3], backward.sigma[:, 3]]))
+    values["backward_time"] = backward.time
+    words = "\n".join(checks.remarks)
+    return build.dataset("navigation", values, error_model=model.name, alignment_method=aligned.method, remarks=words)
 
 
 def _with_sigma(name: str, value: Any, sigma: Any) -> dict[str, Any]:
