@@ -34,7 +34,9 @@ def write_long_run(folder: Path, hours: float, marker_spacing_m: float = 2000.0)
     files.write_imu(run / "imu.nc", imu.counts(motion, tool, errors, options.seed, run.name), grade, imu.rate_of(tool), run.name)
     time, count, _, _ = wheels.roll_wheels(motion, tool, options.seed, run.name)
     files.write_odometer(run / "odometer.nc", time, count, tool, run.name)
-    files.write_table(run / "welds.csv", arms.detect_welds(motion, tool, options.seed, run.name)[0], {"time_s": 4, "amplitude": 3})
+    files.write_table(
+        run / "welds.csv", arms.detect_welds(motion, tool, options.seed, run.name)[0], {"time_s": 4, "amplitude": 3}
+    )
     files.write_markers(run / "markers.csv", heard_markers(passage, options))
     files.write_header(run / "run.toml", options, runs[0], tool, (motion.line.position([TRAP_M]), tool.static_start_s))
     return run

@@ -17,10 +17,9 @@ from benchmarks._best_alignment import best_estimate, true_attitudes
 from deform.geometry import earth
 from deform.geometry.rotation import matrix_to_rotation_vector
 from deform.nav import odometer
-from deform.nav.aiding import travel_aid
 from deform.nav.alignment import Alignment, align
 from deform.nav.inertial_alignment import Record, coarse, record
-from deform.nav.navigate import counts_of
+from deform.nav.navigate import aid_of, counts_of
 from deform.nav.strapdown import epoch_bounds, preintegrate
 from deform.options import RouteOptions, RunOptions, SimulateOptions, ToolOptions
 from deform.run.raw import RawRun
@@ -52,8 +51,8 @@ def cut(raw: RawRun, seconds: float) -> RawRun:
 def aligned(raw: RawRun) -> tuple[Alignment, Record]:
     """The alignment as `navigate` makes it, and the record it stands on."""
     counts, wheels = counts_of(raw), odometer.combine(raw)
-    epochs = preintegrate(counts, wheels.distance[1:], epoch_bounds(counts.time, 1.0))
-    aid = travel_aid(epochs, wheels.speed[1:], wheels.speed_sigma[1:], wheels.stationary[1:])
+    epochs = preintegrate(counts, wheels.profile, epoch_bounds(counts.time, 1.0))
+    aid = aid_of(epochs, wheels.profile)
     return align(counts, epochs, aid, raw.header), record(epochs, aid)
 
 

@@ -49,28 +49,22 @@ def trajectory_dataset(
     wanted = np.arange(0, counts.time.size, step)
     if wanted[-1] != counts.time.size - 1:
         wanted = np.append(wanted, counts.time.size - 1)
-    out = np.empty((wanted.size, 12))
+    spread = sigmas(solution)
+    out = np.empty((10 + len(spread), wanted.size))
     offsets = np.searchsorted(wanted, epochs.bounds[:-1])
-    arguments = (*counts.arguments, epochs.bounds, counts.longest_gap, epochs.table, states, wanted, offsets, out)
+    spreads = np.column_stack(list(spread.values()))
+    arguments = (*counts.arguments, epochs.bounds, counts.step, epochs.table, states, spreads, wanted, offsets, out)
     _kernels.expand(*arguments)
+    for row in (0, 1, 6, 7, 8):
+        np.degrees(out[row], out=out[row])
+    out[6] %= 360.0
     time = counts.time[wanted]
-    stationary = wheels.stationary[1:][wanted]
-    values: dict[str, Any] = {
-        "time": time,
-        "log_distance": wheels.distance[1:][wanted],
-        "latitude": np.degrees(out[:, 0]),
-        "longitude": np.degrees(out[:, 1]),
-        "height": out[:, 2],
-        "azimuth": np.degrees(out[:, 6]) % 360.0,
-        "pitch": np.degrees(out[:, 7]),
-        "roll": np.degrees(out[:, 8]),
-        "velocity_east": out[:, 3],
-        "velocity_north": out[:, 4],
-        "velocity_up": out[:, 5],
-        "speed": np.where(stationary, 0.0, np.linalg.norm(out[:, 3:6], axis=1)),
-        "stationary": stationary,
-    }
-    values |= {name: np.interp(time, epochs.time, sigma) for name, sigma in sigmas(solution).items()}
+    distance, _, _, stationary = wheels.profile.at(time)
+    out[9][stationary] = 0.0
+    names = ("latitude", "longitude", "height", "velocity_east", "velocity_north", "velocity_up", "azimuth", "pitch", "roll",
+             "speed", *spread)  # fmt: skip
+    values: dict[str, Any] = {"time": time, "log_distance": distance, "stationary": stationary}
+    values |= dict(zip(names, out, strict=True))
     return trajectory(values, raw.header, raw.passages, raw.weld_events)
 
 

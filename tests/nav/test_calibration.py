@@ -152,7 +152,7 @@ def recorded(seconds=80.0, rate=20.0):
     ]
     time = dt * np.arange(1, len(counts[0]) + 1)
     table = compensation_table(ImuHeader(rate_hz=rate))
-    return Counts(time, *(np.asarray(c, np.int64) for c in counts), *pulses, table, 2.5 * dt), spans
+    return Counts(time, *(np.asarray(c, np.int64) for c in counts), *pulses, table, dt), spans
 
 
 def test_rests_of_a_recording_are_found_and_calibrate_the_unit():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from deform.geometry import earth, rotation
 from deform.geometry.rotation import matrix_to_rotation_vector, rotation_vector_to_matrix
 from deform.nav import _kernels, _kernels_filter
 from deform.nav.error_model import compose
+from deform.nav.profile import Profile
 from deform.nav.strapdown import epoch_bounds, mechanize, preintegrate
 from deform.options import NavigationOptions
 from deform.run.raw import RunHeader
@@ -70,6 +73,21 @@ def test_length_of_the_epochs_does_not_matter(run):
         assert np.abs(place - ends[0][0]).max() < 2e-3  # 1.2 mm of longitude at 4 s
         assert np.abs(velocity - ends[0][1]).max() < 1e-5
         assert np.abs(attitude - ends[0][2]).max() < 1e-7
+
+
+def test_single_samples_that_are_missing_are_bridged_and_a_late_stamp_loses_nothing(run):
+    """Left out without notice, each of them would cost gravity over its interval, a decimetre per second."""
+    whole, profile = run.counts, Profile.through(run.counts.time, run.distance)
+    keep = np.ones(whole.time.size, bool)
+    keep[[3000, 9000, 9001, 9002, 20000]] = False
+    late = whole.time.copy()
+    late[15000] += 0.008
+    short = replace(whole, time=late[keep], gyro=whole.gyro[keep], accel=whole.accel[keep])
+    a, b = (preintegrate(one, profile, np.array([0, one.time.size - 1])).table[0] for one in (whole, short))
+    assert b[_kernels.GAP] == 0.0
+    turned = matrix_to_rotation_vector(a[:9].reshape(3, 3).T @ b[:9].reshape(3, 3))
+    assert np.degrees(np.linalg.norm(turned)) < 1e-6
+    assert np.abs(b - a)[_kernels.VELOCITY : _kernels.VELOCITY + 3].max() < 1e-6
 
 
 def test_dead_reckoned_travel_of_a_perfect_tool_is_its_path(run, epochs):
