@@ -338,7 +338,7 @@ def process(row, at, walk, travel_walk, tau, steady, unknown, reckoned, R, axes,
             Q[i] += R[0] * axes[0, i] ** 2 + R[1] * axes[1, i] ** 2 + R[2] * axes[2, i] ** 2
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def forward(first, last, table, speeds, tilts, R, mark_epoch, mark_place, mark_R, mark_late, x, P, at, reckoned, gate,
             walk, travel_walk, tau, reach, steady, unknown, keep, xs, Ps, counts, Hs, Ks, news, residuals, mark_news, score,
             turned):  # fmt: skip
