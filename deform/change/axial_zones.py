@@ -98,7 +98,7 @@ def axial_zones(
     zones: list[AxialZone] = []
     order = dict(zip(runs, days, strict=True))
     at = runs.index(reference)
-    pairs = [(run, reference, None) for run in runs if run != reference]
+    pairs: list[tuple[str, str, str | None]] = [(run, reference, None) for run in runs if run != reference]
     pairs += [(runs[k], runs[k - 1], runs[k - 1]) for k in range(1, len(runs)) if reference not in (runs[k], runs[k - 1])]
     for run, since, base in pairs:
         if f"change_m:{run}" not in joints or (base is not None and f"change_m:{base}" not in joints):
@@ -123,13 +123,13 @@ def _stretches(elongation: Elongation, options: ChangeOptions) -> list[tuple]:
     rows.sort(key=lambda row: -row[0])
     taken: list[tuple[int, int]] = []
     found = []
-    for score, i, strings in rows:
+    for top, i, strings in rows:
         if any(i < b and i + strings.count > a for a, b in taken):
             continue
         taken.append((i, i + strings.count))
         last = i + strings.count
         end = elongation.begin[last] if last < elongation.begin.size else elongation.begin[-1]
-        found.append((elongation.begin[i], end, float(strings.change[i]), strings.sigma, strings.count, score, strings.limit))
+        found.append((elongation.begin[i], end, float(strings.change[i]), strings.sigma, strings.count, top, strings.limit))
     return found
 
 

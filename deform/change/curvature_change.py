@@ -63,9 +63,8 @@ def curvature_change(
     tables, floors, a, b = _noise(base, there, stated, step, speeds, stable)
     change, sigma = np.empty(base.size), np.empty(base.size)
     ones = stated if stated is not None else (base, base)
-    _kernels.curvature_difference(
-        base, there, *ones, stated is not None, *speeds, *tables, other.run_chainage_sigma, a, b, step, change, sigma
-    )
+    given = (base, there, *ones, stated is not None, *speeds, *tables, other.run_chainage_sigma, a, b, step, change, sigma)
+    _kernels.curvature_difference(*given)
     return CurvatureChange(change, sigma, floors, a, b)
 
 

@@ -143,14 +143,14 @@ def speed_noise(values: Floats, reference_step: Floats, other_step: Floats, stab
         nothing = np.full(SPEEDS + 1, np.nan)
         return SpeedNoise(nothing, nothing, {-1: whole})
     steps = reference_step[good], other_step[good]
-    tables = [whole**2 * table for table in _tables(*steps, values[good] / whole)]
+    first, second = (whole**2 * table for table in _tables(*steps, values[good] / whole))
     floors = {-1: whole}
     for number in np.unique(_CLASS_OF[np.concatenate(steps)]):
         own = np.flatnonzero(number == _CLASS_OF)
         if number >= 0 and min(np.isin(part, own).sum() for part in steps) > max(_LEAST_SHARE * good.sum(), 50):
             middle = own[own.size // 2]
-            floors[int(number)] = float(np.sqrt(tables[0][middle] + tables[1][middle]))
-    return SpeedNoise(*tables, floors)
+            floors[int(number)] = float(np.sqrt(first[middle] + second[middle]))
+    return SpeedNoise(first, second, floors)
 
 
 def _tables(a: Floats, b: Floats, v: Floats) -> tuple[Floats, Floats]:

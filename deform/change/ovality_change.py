@@ -44,6 +44,8 @@ def ovality_table(pairs: list[PairChange], axis: Floats, dents: pd.DataFrame, op
 
 
 def _stretches(pair: PairChange, axis: Floats, options: ChangeOptions) -> list[dict]:
+    assert pair.ovality is not None
+    assert pair.ovality_sigma is not None
     step = float(axis[1] - axis[0])
     known = np.isfinite(pair.ovality)
     kilometres = known.sum() * step / 1000.0

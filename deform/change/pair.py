@@ -114,7 +114,7 @@ class PairSearch:
         self.elongation = elongation
         self.reference, self.other, self.axis, self.options = reference, other, axis, options
         self.axes, self.difference, self.usable = axes, difference, usable
-        self.speeds = tuple(speed_step(run.values.get("speed"), axis.size) for run in (reference, other))
+        self.speeds = speed_step(reference.values.get("speed"), axis.size), speed_step(other.values.get("speed"), axis.size)
         self.step = float(axis[1] - axis[0])
         self.size = max(round(options.scan_step_m / self.step), 1)
         self.place = _scan_axis(axis, self.size)

@@ -191,7 +191,7 @@ class _Fit:
                 break
             reach *= 1.6
         sigmas = [float(np.sqrt(v**2 + self.step**2 / 12.0 + (_SHAPE * (end - start)) ** 2)) for v in spreads]
-        return Support(start + middles[0], end + middles[1], *sigmas, top, self.worth, self.closed)
+        return Support(start + middles[0], end + middles[1], sigmas[0], sigmas[1], top, self.worth, self.closed)
 
 
 def _nodes(place, change, sigma, middle, reach) -> tuple[Floats, Floats, Floats] | None:

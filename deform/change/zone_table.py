@@ -110,6 +110,7 @@ def _row(group: _Group, pairs, axis, outside_diameter, options: ChangeOptions) -
     pair, best = group.best
     looks = TESTS_PER_WAVELENGTH * (axis[-1] - axis[0]) * sum(1.0 / w.length for w in pair.waves)
     told = flagged[at if moved else bent]
+    first = first_epoch(told, pairs, inside, peak, strain, options) or min(flagged, key=lambda p: p.later[1]).later[0]
     longer, longer_sigma = told.elongation(group.start, group.end) if told.elongation else (np.nan, np.nan)
     row = {
         "kind": "movement" if moved else "bending",
@@ -117,8 +118,7 @@ def _row(group: _Group, pairs, axis, outside_diameter, options: ChangeOptions) -
         "end_m": float(np.clip(group.end, axis[0], axis[-1])),
         "start_sigma_m": best.start_sigma,
         "end_sigma_m": best.end_sigma,
-        "first_epoch": first_epoch(told, pairs, inside, peak, strain, options)
-        or min((p.later for p in flagged), key=lambda run: run[1])[0],
+        "first_epoch": first,
         "peak_strain_change": strain["size"],
         "peak_strain_change_sigma": strain["sigma"],
         "peak_strain_clock_deg": strain["clock"],

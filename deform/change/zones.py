@@ -126,7 +126,9 @@ def _candidate(score: float, wave: Waves, i: int) -> Candidate:
         ]
     half = 0.5 * wave.length
     at = float(wave.place[i])
-    found = Candidate(at, wave.length, at - half, at + half, score, wave.amplitude[i], wave.sigma[i], *alone, wave.typical)
+    found = Candidate(
+        at, wave.length, at - half, at + half, score, wave.amplitude[i], wave.sigma[i], alone[0], alone[1], wave.typical
+    )
     return replace(found, start_sigma=0.25 * half, end_sigma=0.25 * half)
 
 
