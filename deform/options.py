@@ -91,8 +91,9 @@ class ChangeOptions:
     false_alarms_per_100_km: Positive = 0.1
     least_displacement_m: NotNegative = 0.03
     least_strain_change: NotNegative = 50e-6
+    least_ovality_change: NotNegative = 0.002
     edit_margin_m: NotNegative = 10.0
-    zone_margin_m: NotNegative = 10.0
+    zone_margin_m: NotNegative = 4.0
     least_dent_growth_m: NotNegative = 1e-3
     dent_distance_m: Positive = 0.5
     dent_clock_deg: Positive = 25.0

@@ -203,7 +203,7 @@ def compare(runs: list[xr.DataTree], matching: Any, options: _options.Options, f
     comparison = difference(runs, matching, options.change, progress=progress)
     stack = comparison.dataset.assign_attrs(line=str(runs[0].attrs.get("line", "")))
     written = [store.write_dataset(stack, folder / "comparison.nc", "comparison")]
-    tables = {"zones": comparison.zones, "dents": comparison.dents, "joints": comparison.joints}
+    tables = {"zones": comparison.zones, "dents": comparison.dents, "joints": comparison.joints, "ovality": comparison.ovality}
     tables["trends"] = trends(comparison, options.trend)
     written += [store.write_table(frame, folder / "tables" / f"{name}.csv", name) for name, frame in tables.items()]
     if comparison.limits is not None:
