@@ -81,7 +81,7 @@ const Panels = (() => {
         width: place.clientWidth, height: total, margin: { l: narrow() ? 50 : 64, r: 10, t: 4, b: 42 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
         font: { family: "Inter, system-ui, sans-serif", color: css("--quiet"), size: narrow() ? 10 : 11.5 }, hovermode: "x", hoversubplots: "axis", dragmode: "zoom", showlegend: false,
         hoverlabel: { bgcolor: css("--raised"), font: { color: css("--ink") } },
-        xaxis: { range: view, anchor: axisName(n - 1), title: { text: narrow() ? "reference chainage (m)" : "reference chainage (m), rising downstream" }, gridcolor: css("--grid"), zeroline: false, separatethousands: true, exponentformat: "none" },
+        xaxis: { range: view.slice(), anchor: axisName(n - 1), title: { text: narrow() ? "reference chainage (m)" : "reference chainage (m), rising downstream" }, gridcolor: css("--grid"), zeroline: false, separatethousands: true, exponentformat: "none" },
         annotations: [], shapes: [],
       };
       let top = 1;

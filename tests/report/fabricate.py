@@ -329,7 +329,7 @@ def _comparison(
         values |= {f"bending_strain_change_{name}": strain[i], f"bending_strain_change_{name}_sigma": strain_sigma}
     values["stable"] = (np.abs(lateral) < 0.1) & (np.abs(up) < 0.1)
     dates = [f"{2019 + 2 * k}-07-02" for k in range(n)]
-    return build.dataset("comparison", values, reference=runs[0], date=dates)
+    return build.dataset("comparison", values | {"date": dates}, reference=runs[0])
 
 
 def _tables(folder: Path, runs: tuple[str, ...], places: np.ndarray, zones: bool, dents: bool, listing: bool) -> None:
