@@ -298,14 +298,14 @@ class SimulateOptions:
 
 @dataclass(frozen=True, config=_STRICT)
 class MeshOptions:
-    """3-D surfaces: grid, colour (``depth`` or ``change`` since the first run), exaggerations (1 = true size)."""
+    """3-D surfaces: grid, colour (``depth``, ``strain``, or ``change`` since the first run), exaggerations (1 = true size)."""
 
     step_m: Positive = 0.01
     least_points_around: Annotated[int, Field(ge=12)] = 72
     least_rows: Annotated[int, Field(ge=10)] = 41
     least_half_length_m: Positive = 0.3
     most_half_length_m: Positive = 1.0
-    colour: Literal["depth", "change"] = "depth"
+    colour: Literal["depth", "strain", "change"] = "depth"
     exaggeration: Positive = 1.0
     shell_exaggeration: Positive = 10.0
 

@@ -266,9 +266,10 @@ def export(survey: Survey, ledger: Ledger, key: str) -> None:
     surfaces = tuple(f for f in wanted if f in SURFACE_FORMATS)
     if surfaces and not ledger.done("surfaces", key):
         with ledger.stage("surfaces", key) as record:
-            from deform.mesh import write_dent_surfaces
+            from deform.mesh import write_dent_surfaces, write_zone_shells
 
             written = write_dent_surfaces(survey.folder, surfaces, survey.options.mesh, progress=ledger.ticker("surfaces"))
+            written += write_zone_shells(survey.folder, surfaces, survey.options.mesh)
             ledger.outputs(record, _flat(written))
     reports = tuple(f for f in wanted if f not in SURFACE_FORMATS)
     if reports:
