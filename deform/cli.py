@@ -270,16 +270,30 @@ def report(
 @app.command("export-dents")
 def export_dents(
     folder: OutFolder,
-    formats: Annotated[list[str] | None, typer.Option("--format", "-f", help="ply, glb, stl, obj; may be repeated.")] = None,
+    formats: Annotated[list[str] | None, typer.Option("--format", "-f", help="ply, glb, stl, obj, png; may be repeated.")] = None,
+    colour: Annotated[str | None, typer.Option("--colour", help="What the colours show: depth, strain or change.")] = None,
+    exaggeration: Annotated[
+        float | None, typer.Option("--exaggeration", help="Factor on the depth drawn; 1 = true size.")
+    ] = None,
+    zones: Annotated[bool, typer.Option("--zones", help="Write the pipe of every zone as well.")] = False,
+    options: OptionsFile = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Write the surface of every measured dent."""
+    """Write the surface of every measured dent, and on request the pipe of every zone."""
     with _speaking(quiet, as_json) as voice:
-        from deform.mesh import write_dent_surfaces
+        from dataclasses import asdict
 
-        write_dent_surfaces(folder, formats=tuple(formats or ("ply", "glb", "stl")), progress=voice.tick("dents"))
-        voice.say(f"dents: {folder / 'dents'}", dents=folder / "dents")
+        from deform.mesh import write_dent_surfaces, write_zone_shells
+        from deform.options import options_from
+
+        given = {"colour": colour, "exaggeration": exaggeration}
+        asked = asdict(_options_of(folder, options).mesh) | {k: v for k, v in given.items() if v is not None}
+        chosen = options_from({"mesh": asked}, "export-dents").mesh
+        wanted = tuple(formats or ("ply", "glb", "stl"))
+        written = write_dent_surfaces(folder, formats=wanted, options=chosen, progress=voice.tick("dents"))
+        written += write_zone_shells(folder, formats=wanted, options=chosen) if zones else []
+        voice.say("\n".join(sorted({str(path.parent) for path in written})) or "no dent has a wall map", files=written)
 
 
 @app.command()

@@ -44,7 +44,7 @@ class CaliperOptions:
     ovality_definition: Literal["outside", "mean"] = "outside"  # (max - min) / outside diameter, or / mean diameter
     largest_lost_arms: Probability = 0.34  # a section that lost a greater share of its arms is refused
     weld_cluster_m: Positive = 0.15  # events of different sensors this near to each other are one weld
-    block_scans: Annotated[int, Field(ge=1000)] = 100_000
+    block_scans: Annotated[int, Field(ge=1000)] = 20_480  # scans read at once; it bounds the memory of the pass
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -72,7 +72,7 @@ class MatchOptions:
     """Weld matching."""
 
     scale_range: Positive = 0.05  # largest departure of one run's length from another's
-    band_half_width: Annotated[int, Field(ge=3)] = 7  # welds on each side of the expected partner
+    band_half_width: Annotated[int, Field(ge=3)] = 5  # welds on each side of the expected partner
     least_joint_m: Positive = 0.1  # welds nearer than this are one
     least_evidence_nats: Positive = 15.0  # runs whose lengths speak less than this for one line are refused
     least_probability: Probability = 0.5  # of a pair to be claimed, and of a weld that stands alone to count as one
@@ -91,8 +91,9 @@ class ChangeOptions:
     false_alarms_per_100_km: Positive = 0.1
     least_displacement_m: NotNegative = 0.03
     least_strain_change: NotNegative = 50e-6
+    least_ovality_change: NotNegative = 0.002
     edit_margin_m: NotNegative = 10.0
-    zone_margin_m: NotNegative = 10.0
+    zone_margin_m: NotNegative = 4.0
     least_dent_growth_m: NotNegative = 1e-3
     dent_distance_m: Positive = 0.5
     dent_clock_deg: Positive = 25.0
@@ -300,14 +301,14 @@ class SimulateOptions:
 
 @dataclass(frozen=True, config=_STRICT)
 class MeshOptions:
-    """3-D surfaces: grid, colour (``depth`` or ``change`` since the first run), exaggerations (1 = true size)."""
+    """3-D surfaces: grid, colour (``depth``, ``strain``, or ``change`` since the first run), exaggerations (1 = true size)."""
 
     step_m: Positive = 0.01
     least_points_around: Annotated[int, Field(ge=12)] = 72
     least_rows: Annotated[int, Field(ge=10)] = 41
     least_half_length_m: Positive = 0.3
     most_half_length_m: Positive = 1.0
-    colour: Literal["depth", "change"] = "depth"
+    colour: Literal["depth", "strain", "change"] = "depth"
     exaggeration: Positive = 1.0
     shell_exaggeration: Positive = 10.0
 

@@ -190,6 +190,8 @@ def match(runs: list[xr.DataTree], options: _options.Options, *, reference=None,
     matching = match_runs(runs, options.match, reference=reference, locks=held)
     store.write_table(matching.welds, folder / "tables" / "welds.csv", "welds")
     store.write_table(matching.joints, folder / "tables" / "joints.csv", "joints")
+    for name in ("pairs", "edits", "stretches"):
+        store.write_table(getattr(matching, name), folder / "tables" / f"{name}.csv", name)
     return matching
 
 
@@ -201,7 +203,7 @@ def compare(runs: list[xr.DataTree], matching: Any, options: _options.Options, f
     comparison = difference(runs, matching, options.change, progress=progress)
     stack = comparison.dataset.assign_attrs(line=str(runs[0].attrs.get("line", "")))
     written = [store.write_dataset(stack, folder / "comparison.nc", "comparison")]
-    tables = {"zones": comparison.zones, "dents": comparison.dents, "joints": comparison.joints}
+    tables = {"zones": comparison.zones, "dents": comparison.dents, "joints": comparison.joints, "ovality": comparison.ovality}
     tables["trends"] = trends(comparison, options.trend)
     written += [store.write_table(frame, folder / "tables" / f"{name}.csv", name) for name, frame in tables.items()]
     if comparison.limits is not None:
@@ -264,9 +266,10 @@ def export(survey: Survey, ledger: Ledger, key: str) -> None:
     surfaces = tuple(f for f in wanted if f in SURFACE_FORMATS)
     if surfaces and not ledger.done("surfaces", key):
         with ledger.stage("surfaces", key) as record:
-            from deform.mesh import write_dent_surfaces
+            from deform.mesh import write_dent_surfaces, write_zone_shells
 
             written = write_dent_surfaces(survey.folder, surfaces, survey.options.mesh, progress=ledger.ticker("surfaces"))
+            written += write_zone_shells(survey.folder, surfaces, survey.options.mesh)
             ledger.outputs(record, _flat(written))
     reports = tuple(f for f in wanted if f not in SURFACE_FORMATS)
     if reports:

@@ -1,164 +1,20 @@
-"""Loops of the caliper room: robust harmonics of millions of scans, running means over scans, filling of clock bins."""
+"""Loops of the caliper room: running means over scans, unrest of arms, filling of clock bins, scores of beads and steps."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
-
-TUKEY = 4.685  # width of the biweight in sigma: 95 % efficient on clean data (Holland and Welsch 1977)
-_UNKNOWNS = 5
-_ROUNDS = 12
+from numba import njit
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(normal, right, solution):
-    """Cholesky solution of the 5 x 5 normal equations in place; False when they are singular."""
-    n = _UNKNOWNS
-    for i in range(n):
-        for j in range(i + 1):
-            value = normal[i, j]
-            for k in range(j):
-                value -= normal[i, k] * normal[j, k]
-            if i == j:
-                if value <= 1e-9:
-                    return False
-                normal[i, i] = np.sqrt(value)
-            else:
-                normal[i, j] = value / normal[j, j]
-    for i in range(n):
-        value = right[i]
-        for k in range(i):
-            value -= normal[i, k] * solution[k]
-        solution[i] = value / normal[i, i]
-    for i in range(n - 1, -1, -1):
-        value = solution[i]
-        for k in range(i + 1, n):
-            value -= normal[k, i] * solution[k]
-        solution[i] = value / normal[i, i]
-    return True
+def departures(residual, half, dip, dip_arm, bulge, bulge_arm):
+    """Greatest inward and outward departure of each scan after a running mean over 2 half + 1 scans of each arm.
 
-
-@njit(cache=True, error_model="numpy")
-def _median_size(values, count, work):
-    """Median of the absolute values of the first ``count`` entries."""
-    for i in range(count):
-        work[i] = abs(values[i])
-    part = np.sort(work[:count])
-    middle = count // 2
-    return part[middle] if count % 2 else 0.5 * (part[middle - 1] + part[middle])
-
-
-@njit(cache=True, error_model="numpy", parallel=True)
-def fit_scans(radius, basis, inverse, sigma, least_arms, harmonics, residual, spread, used):
-    """Fit radius = basis @ harmonics scan by scan; dents lose their weight by Tukey's biweight.
-
-    radius (n, arms) m, NaN where an arm gave nothing; basis (arms, 5); inverse (5, arms) its pseudo-inverse; results are
-    written into harmonics (n, 5), residual (n, arms), spread (n) and used (n, the sum of the weights).
-    """
-    n, arms = radius.shape
-    for i in prange(n):
-        normal = np.empty((_UNKNOWNS, _UNKNOWNS))
-        right = np.empty(_UNKNOWNS)
-        solution = np.empty(_UNKNOWNS)
-        work, sizes = np.empty(arms), np.empty(arms)
-        there = 0
-        for a in range(arms):
-            if not np.isnan(radius[i, a]):
-                there += 1
-        if there < least_arms:
-            for k in range(_UNKNOWNS):
-                harmonics[i, k] = np.nan
-            for a in range(arms):
-                residual[i, a] = np.nan
-            spread[i], used[i] = np.nan, 0.0
-            continue
-        good = True
-        if there == arms:
-            for k in range(_UNKNOWNS):
-                value = 0.0
-                for a in range(arms):
-                    value += inverse[k, a] * radius[i, a]
-                solution[k] = value
-        else:
-            for k in range(_UNKNOWNS):
-                right[k] = 0.0
-                for m in range(_UNKNOWNS):
-                    normal[k, m] = 0.0
-            for a in range(arms):
-                if np.isnan(radius[i, a]):
-                    continue
-                for k in range(_UNKNOWNS):
-                    right[k] += basis[a, k] * radius[i, a]
-                    for m in range(k + 1):
-                        normal[k, m] += basis[a, k] * basis[a, m]
-            good = _solve(normal, right, solution)
-        total = float(there)
-        for _ in range(_ROUNDS):
-            largest, count = 0.0, 0
-            for a in range(arms):
-                value = radius[i, a]
-                for k in range(_UNKNOWNS):
-                    value -= basis[a, k] * solution[k]
-                residual[i, a] = value
-                if not np.isnan(value):
-                    sizes[count] = value
-                    count += 1
-                    largest = max(largest, abs(value))
-            if largest < 4.0 * sigma or not good:
-                break
-            width = TUKEY * max(sigma, 1.4826 * _median_size(sizes, count, work))
-            total = 0.0
-            for k in range(_UNKNOWNS):
-                right[k] = 0.0
-                for m in range(_UNKNOWNS):
-                    normal[k, m] = 0.0
-            for a in range(arms):
-                value = residual[i, a] / width
-                if np.isnan(value) or abs(value) >= 1.0:
-                    continue
-                weight = (1.0 - value * value) ** 2
-                total += weight
-                for k in range(_UNKNOWNS):
-                    part = weight * basis[a, k]
-                    right[k] += part * radius[i, a]
-                    for m in range(k + 1):
-                        normal[k, m] += part * basis[a, m]
-            before = solution.copy()
-            good = _solve(normal, right, solution)
-            change = 0.0
-            for k in range(_UNKNOWNS):
-                change = max(change, abs(solution[k] - before[k]))
-            if change < 0.01 * sigma:
-                break
-        squares, freedom = 0.0, -5.0
-        for a in range(arms):
-            value = radius[i, a]
-            for k in range(_UNKNOWNS):
-                value -= basis[a, k] * solution[k]
-            residual[i, a] = value
-            if not np.isnan(value) and abs(value) < 4.0 * sigma:
-                squares += value * value
-                freedom += 1.0
-        for k in range(_UNKNOWNS):
-            harmonics[i, k] = solution[k] if good else np.nan
-        spread[i] = np.sqrt(squares / max(freedom, 1.0))
-        used[i] = total
-
-
-@njit(cache=True, error_model="numpy")
-def inward_running(residual, half, depth, arm):
-    """Greatest inward departure of each scan after a running mean over 2 half + 1 scans of each arm.
-
-    residual (n, arms) m, NaN where missing; depth (n) m (positive inward) and arm (n) are written.
+    residual (n, arms) m, positive outward, NaN where missing; dip and bulge (n) m, both positive, and their arms are written.
     """
     n, arms = residual.shape
     sums, counts = np.zeros(arms), np.zeros(arms)
-    for j in range(min(half, n)):
-        for a in range(arms):
-            if not np.isnan(residual[j, a]):
-                sums[a] += residual[j, a]
-                counts[a] += 1.0
-    for i in range(n):
+    for i in range(-half, n):
         if i + half < n:
             for a in range(arms):
                 if not np.isnan(residual[i + half, a]):
@@ -169,11 +25,33 @@ def inward_running(residual, half, depth, arm):
                 if not np.isnan(residual[i - half - 1, a]):
                     sums[a] -= residual[i - half - 1, a]
                     counts[a] -= 1.0
-        deepest, where = -np.inf, -1
+        if i < 0:
+            continue
+        dip[i], dip_arm[i], bulge[i], bulge_arm[i] = -np.inf, -1, -np.inf, -1
         for a in range(arms):
-            if counts[a] > 0.5 and -sums[a] / counts[a] > deepest:
-                deepest, where = -sums[a] / counts[a], a
-        depth[i], arm[i] = deepest, where
+            if counts[a] > 0.5:
+                mean = sums[a] / counts[a]
+                if -mean > dip[i]:
+                    dip[i], dip_arm[i] = -mean, a
+                if mean > bulge[i]:
+                    bulge[i], bulge_arm[i] = mean, a
+
+
+@njit(cache=True, error_model="numpy")
+def unrest(radius, use, step, count):
+    """Mean size of the step from scan to scan of each arm, over scans in use; step and count (arms) are written."""
+    n, arms = radius.shape
+    for a in range(arms):
+        step[a] = count[a] = 0.0
+    for i in range(1, n):
+        if use[i] and use[i - 1]:
+            for a in range(arms):
+                change = abs(radius[i, a] - radius[i - 1, a])
+                if not np.isnan(change):
+                    step[a] += change
+                    count[a] += 1.0
+    for a in range(arms):
+        step[a] /= max(count[a], 1.0)
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deform.caliper.cross_section import SectionFitter
-from deform.caliper.scans import ScanReader
+from deform.caliper.cross_section import least_arms
+from deform.caliper.scans import STUCK_SHARE, ScanReader
 from deform.errors import Fault, InputError
+from deform.geometry.harmonics import HarmonicFitter
 
 logger = logging.getLogger(__name__)
 
 _SAMPLES, _SCANS = 48, 600  # stretches looked at, scans of each
 _DEAD_SHARE = 0.5  # of the readings missing
-_STUCK_SHARE = 0.15  # of the usual scatter between neighbouring scans
 _NOISY = 4.0  # times the usual scatter about the section
 _SURE = 4.0  # sigma that an offset must have to be taken off
 _WORTH_M = 2e-5  # offsets below this are left alone
@@ -123,7 +123,7 @@ def _out_of_use(radius: np.ndarray) -> list[str]:
         scatter = np.array([np.nanmean(s) if np.isfinite(s).any() else np.nan for s in step.T])
     usual = np.nanmedian(scatter[missing < _DEAD_SHARE]) if (missing < _DEAD_SHARE).any() else np.nan
     return [
-        f"silent in {m:.0%} of the scans" if m > _DEAD_SHARE else "stuck" if s < _STUCK_SHARE * usual else ""
+        f"silent in {m:.0%} of the scans" if m > _DEAD_SHARE else "stuck" if s < STUCK_SHARE * usual else ""
         for m, s in zip(missing, scatter, strict=True)
     ]
 
@@ -134,7 +134,8 @@ def _offsets(angle, radius, roll, dead, stated: float, lost: float) -> tuple[np.
     freedom = np.sqrt(1.0 - 5.0 / max((~dead).sum(), 6))
     for _ in range(3):
         readings = np.where(dead | noisy, np.nan, radius - offset)
-        harmonics, residual, *_ = SectionFitter(angle, max(sigma, 0.2 * stated), lost).fit(readings)
+        fitter = HarmonicFitter(angle, max(sigma, 0.2 * stated), least=least_arms(len(angle), lost))
+        harmonics, residual, *_ = fitter.fit(readings)
         middle = np.array([np.nanmedian(r) if np.isfinite(r).any() else 0.0 for r in residual.T])
         scatter = np.array(
             [

@@ -11,14 +11,18 @@ import xarray as xr
 
 from deform.caliper import ovality
 from deform.caliper.arms import examine_arms
-from deform.caliper.cross_section import ScanLog, SectionFitter, log_scans
-from deform.caliper.dents import beside_welds, candidates, measure_dents
-from deform.caliper.features import features, joint_walls
-from deform.caliper.scans import ScanBlock, ScanReader
+from deform.caliper.cross_section import Limits, Records, ScanLog, log_scans, section_fitters
+from deform.caliper.dents import beside_welds, candidates, limits, measure_dents
+from deform.caliper.features import features
+from deform.caliper.joints import joint_walls, name_joints
+from deform.caliper.scan_clock import ClockError, clock_error
+from deform.caliper.scans import SEGMENT, ScanBlock, ScanReader
 from deform.caliper.tool_pose import pose
 from deform.caliper.wall import WallMap, detail_maps, relieve, wall_dataset
-from deform.caliper.weld_channels import accelerometer_channel, arms_channel, detector_channel
+from deform.caliper.weld_channels import Channel, accelerometer_channel, arms_channel, detector_channel
 from deform.caliper.welds import weld_log
+from deform.caliper.wrinkles import wrinkles
+from deform.geometry.harmonics import HarmonicFitter
 from deform.options import CaliperOptions
 from deform.run.raw import RawRun
 
@@ -76,35 +80,37 @@ def measure(
     heard = [detector_channel(raw, trajectory), accelerometer_channel(raw, trajectory)]
     joint = raw.header.pipe.nominal_joint_m
     if raw.arms is None or raw.header.caliper is None:
-        channels = [c for c in heard if c is not None]
-        return Measurement(welds=weld_log(channels, trajectory, options.weld_cluster_m, joint))
+        welds = weld_log([c for c in heard if c is not None], trajectory, options.weld_cluster_m, joint)
+        return Measurement(welds=name_joints(welds, None, joint, float(trajectory["chainage"].max())))
     tell(0.05)
     reader = ScanReader(raw, trajectory, options.block_scans)
     state = examine_arms(reader, raw.header.caliper.noise_m or 3e-4, options.largest_lost_arms)
     reader.calibrate(state.offset, state.dead)
-    sigma = float(state.sigma.max())
-    fitters = [SectionFitter(a, s, options.largest_lost_arms) for a, s in zip(reader.angle_rad, state.sigma, strict=True)]
-    coarse, logs = _log_and_map(reader, fitters, options, tell)
-    diameter = raw.header.pipe.outside_diameter_m
-    for log in logs:
-        _tell_refused(raw.id, log)
+    sigma, diameter = float(state.sigma.max()), raw.header.pipe.outside_diameter_m
     least = options.least_dent_depth_od * diameter
-    dents, fits = measure_dents(reader, logs, candidates(logs, sigma, least), sigma, diameter, least)
+    limit = limits(sigma, least)
+    fitters = section_fitters(reader, state.sigma, options.largest_lost_arms)
+    coarse, logs, arms = _scanned(reader, fitters, limit, options, [c for c in heard if c is not None], trajectory, tell)
+    _tell_lost(reader, logs)
+    found = candidates(reader, logs, limit.dip)
+    dents, fits = measure_dents(reader, logs, found, sigma, diameter, least)
+    ripples = wrinkles(reader, logs, found, sigma, diameter)
     relieve(reader, logs, fitters, fits)
-    section = ovality.sections(logs, diameter, options.wall_step_m, options.section_window_m, options.ovality_definition)
+    section = ovality.sections(reader, logs, diameter, options.wall_step_m, options.section_window_m, options.ovality_definition)
     tool = pose(reader, logs)
     spans = np.array([(f.centre - 0.6 * f.length, f.centre + 0.6 * f.length) for f in fits]).reshape(-1, 2)
     tell(0.85)
-    arms = [c.without(spans) for c in (arms_channel(log) for log in logs) if c is not None]
-    welds = weld_log([c for c in (heard[0], *arms, heard[1]) if c is not None], trajectory, options.weld_cluster_m, joint)
-    welds = joint_walls(welds, section, diameter)
-    dents = beside_welds(dents, welds)
-    found = features(welds, section, logs, fits, trajectory, diameter)
-    windows = [(a - options.detail_margin_m, b + options.detail_margin_m) for a, b in spans]
-    fine = detail_maps(reader, logs, fitters, _joined(windows), fits, options.detail_step_m, coarse.bins)
-    wall = wall_dataset(coarse, fine, section, tool)
+    seen = [c.without(spans) for c in arms]
+    welds = weld_log([c for c in (heard[0], *seen, heard[1]) if c is not None], trajectory, options.weld_cluster_m, joint)
+    welds = joint_walls(welds, reader, logs, diameter)
+    dents = beside_welds(dents, welds, ripples)
+    known = features(welds, section, reader, logs, ripples, trajectory, diameter)
+    welds = name_joints(welds, known, joint, reader.span()[1])
+    windows = _joined([(a - options.detail_margin_m, b + options.detail_margin_m) for a, b in spans])
+    fine = detail_maps(reader, logs, fitters, windows, fits, options.detail_step_m, coarse.bins)
+    wall = wall_dataset(coarse, fine, options.detail_step_m, section, tool)
     tell(1.0)
-    return Measurement(welds=welds, sections=section, wall=wall, pose=tool, dents=dents, features=found)
+    return Measurement(welds=welds, sections=section, wall=wall, pose=tool, dents=dents, features=known)
 
 
 def on_chainage(measurement: Measurement, chainage: np.ndarray) -> xr.Dataset | None:
@@ -118,39 +124,75 @@ def on_chainage(measurement: Measurement, chainage: np.ndarray) -> xr.Dataset | 
     return None if measurement.sections is None else ovality.on_chainage(measurement.sections, chainage)
 
 
+def _scanned(
+    reader: ScanReader,
+    fitters: list[HarmonicFitter],
+    limit: Limits,
+    options: CaliperOptions,
+    heard: list[Channel],
+    trajectory: xr.Dataset,
+    tell: Callable[[float], None],
+) -> tuple[WallMap, list[ScanLog], list[Channel]]:
+    """The pass over all scans and the welds that each ring saw; a second one where the scan clock had to be put right."""
+    error: ClockError | None = None
+    while True:
+        coarse, logs = _log_and_map(reader, fitters, limit, options, tell)
+        arms = [c for c in (arms_channel(reader, log) for log in logs) if c is not None]
+        if error is not None or not arms:
+            return coarse, logs, arms
+        error = clock_error(arms[0], heard, trajectory, reader.sign)
+        if error is None:
+            return coarse, logs, arms
+        logger.warning(
+            "%s: by %d welds the scan clock runs %.1f ppm fast, is %.3f s late in the middle of the run, and the rings stand "
+            "%.3f m off their place; put right",
+            reader.raw.id,
+            error.pairs,
+            error.rate * 1e6,
+            error.late,
+            error.ahead,
+        )
+        reader.correct_clock(error)
+
+
 def _log_and_map(
-    reader: ScanReader, fitters: list[SectionFitter], options: CaliperOptions, tell: Callable[[float], None]
+    reader: ScanReader, fitters: list[HarmonicFitter], limit: Limits, options: CaliperOptions, tell: Callable[[float], None]
 ) -> tuple[WallMap, list[ScanLog]]:
-    """One pass over all scans: records of every scan, and the coarse wall."""
+    """One pass over all scans: what is kept of every scan, and the coarse wall."""
     start, stop = reader.span()
     bins = max(options.clock_bins, reader.angle_rad.shape[1])
     step = options.wall_step_m
     coarse = WallMap(np.floor(start / step) * step - 0.5 * step, stop + step, step, bins)
-    logs, done = [], 0
-    total = reader.scans * reader.rings
-    for ring, fitter in enumerate(fitters):
 
-        def each(block: ScanBlock, records: dict[str, np.ndarray], ring: int = ring) -> None:
-            nonlocal done
-            coarse.add(reader, ring, block, records["right"], records["up"], records["moving"])
-            done += len(block.time)
-            tell(0.05 + 0.75 * done / total)
+    def each(blocks: list[ScanBlock], found: list[Records]) -> None:
+        for ring, (block, records) in enumerate(zip(blocks, found, strict=True)):
+            coarse.add(reader, ring, block, records.right, records.up, records.good)
+        coarse.settle(float(blocks[0].chainage[-1]))
+        tell(0.05 + 0.75 * (blocks[0].start + blocks[0].time.size) / reader.scans)
 
-        logs.append(log_scans(reader, ring, fitter, each))
-    return coarse, logs
+    return coarse, log_scans(reader, fitters, limit, each)
 
 
-def _tell_refused(run_id: str, log: ScanLog) -> None:
-    """Say where sections were refused because too many arms were lost."""
-    lost = np.flatnonzero(log.moving & ~np.isfinite(log.radius))
-    if not lost.size:
-        return
-    groups = np.split(lost, np.flatnonzero(np.diff(lost) > 5) + 1)
-    long = [g for g in groups if np.ptp(log.chainage[g]) > _REFUSED_M]
-    places = ", ".join(f"{log.chainage[g].min():.1f} to {log.chainage[g].max():.1f} m" for g in long[:5])
-    if long:
-        more = f" and {len(long) - 5} more" if len(long) > 5 else ""
-        logger.warning("%s: too many arms lost for a section at %s%s", run_id, places, more)
+def _tell_lost(reader: ScanReader, logs: list[ScanLog]) -> None:
+    """Say where sections were refused because too many arms were lost, and which arms stood still where."""
+    for log in logs:
+        lost = np.flatnonzero(~np.isfinite(log.radius))
+        lost = lost[reader.moving(reader.time[lost])]
+        if lost.size:
+            groups = np.split(lost, np.flatnonzero(np.diff(lost) > 5) + 1)
+            ends = [np.sort(reader.chainage(reader.time[g[[0, -1]]], log.ring)) for g in groups]
+            long = [f"{a:.1f} to {b:.1f} m" for a, b in ends if b - a > _REFUSED_M]
+            if long:
+                more = f" and {len(long) - 5} more" if len(long) > 5 else ""
+                logger.warning("%s: too many arms lost for a section at %s%s", reader.raw.id, ", ".join(long[:5]), more)
+        for arm in np.flatnonzero(reader.stuck[log.ring].any(axis=0)):
+            segments = np.flatnonzero(reader.stuck[log.ring, :, arm])
+            scans = np.array([segments[0] * SEGMENT, min((segments[-1] + 1) * SEGMENT, reader.scans) - 1])
+            place = np.sort(reader.chainage(reader.time[scans], log.ring))
+            where = f"ring {log.ring + 1} arm at {np.degrees(reader.angle_rad[log.ring, arm]):.0f} degree"
+            logger.warning(
+                "%s: caliper %s stood still between %.1f and %.1f m: dropped there", reader.raw.id, where, place[0], place[1]
+            )
 
 
 def _joined(windows: list[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -6,14 +6,18 @@ import numpy as np
 import xarray as xr
 
 from deform.caliper.cross_section import ScanLog
+from deform.caliper.scans import ScanReader
 from deform.run import build
 
 
-def sections(logs: list[ScanLog], outside_diameter: float, step: float, window: float, definition: str = "outside") -> xr.Dataset:
+def sections(
+    reader: ScanReader, logs: list[ScanLog], outside_diameter: float, step: float, window: float, definition: str = "outside"
+) -> xr.Dataset:
     """Return group ``sections``: the mean section over ``window`` metres at every ``step`` metres.
 
     Parameters
     ----------
+    reader : gives the chainage of the scans.
     logs : one scan log per ring.
     outside_diameter : m.
     definition : ``outside`` for (greatest - least diameter) / outside diameter, ``mean`` for / mean inner diameter.
@@ -25,7 +29,7 @@ def sections(logs: list[ScanLog], outside_diameter: float, step: float, window: 
     or of the arms where a window holds fewer than four scans. Near a round pipe the length of a vector is biased upwards
     by half its variance over its length; ``ovality_sigma`` covers this.
     """
-    grid, mean, sigma, count = _windowed(logs, step, window)
+    grid, mean, sigma, count = _windowed(reader, logs, outside_diameter, step, window)
     length = np.hypot(mean["oval_cos"], mean["oval_sin"])
     oval_sigma = np.sqrt(0.5 * (sigma["oval_cos"] ** 2 + sigma["oval_sin"] ** 2))
     diameter, diameter_sigma = 2 * mean["radius"], 2 * sigma["radius"]
@@ -54,34 +58,50 @@ def sections(logs: list[ScanLog], outside_diameter: float, step: float, window: 
     return build.dataset("sections", values, definition=words, window_m=window)
 
 
-def _windowed(logs: list[ScanLog], step: float, window: float):
+_WINDOWED = ("radius", "oval_cos", "oval_sin")
+
+
+def _windowed(reader: ScanReader, logs: list[ScanLog], diameter: float, step: float, window: float):
     """Mean, sigma of the mean, and number of scans in windows on a regular grid."""
-    places = np.concatenate([log.chainage[log.good] for log in logs])
-    if not places.size:
-        empty = np.empty(0)
-        names = ("radius", "oval_cos", "oval_sin")
-        return empty, dict.fromkeys(names, empty), dict.fromkeys(names, empty), empty.astype(int)
-    first = np.floor(places.min() / step)
-    cell = (np.rint(places / step) - first).astype(np.int64)
-    cells = int(cell.max()) + 1
+    centre = {"radius": 0.5 * diameter, "oval_cos": 0.0, "oval_sin": 0.0}  # near the values, so that squares stay small
+    first, count, base, sums, squares = _sums(reader, logs, centre, step)
     half = max(0, round(window / step / 2 - 0.5))
-    count = np.bincount(cell, minlength=cells)
-    many = _running(count.astype(float), half)
+    many = _running(count, half)
     use = (count > 0) | (many > 3)
-    floor = np.concatenate([log.reading_sigma[log.good] for log in logs])
-    base = _running(np.bincount(cell, floor.astype(float) ** 2, cells), half)
+    floor = _running(base, half)
     mean, sigma = {}, {}
     with np.errstate(invalid="ignore", divide="ignore"):
-        for name, factor in (("radius", 1.0), ("oval_cos", 2.0), ("oval_sin", 2.0)):
-            value = np.concatenate([getattr(log, name)[log.good] for log in logs]).astype(float)
-            centre = np.median(value)
-            total = _running(np.bincount(cell, value - centre, cells), half)
-            squares = _running(np.bincount(cell, (value - centre) ** 2, cells), half)
-            mean[name] = (centre + total / many)[use]
-            scatter = np.maximum(squares / many - (total / many) ** 2, 0.0) / np.maximum(many - 1.0, 1.0)
-            least = factor * base / many**2
+        for name, factor in zip(_WINDOWED, (1.0, 2.0, 2.0), strict=True):
+            total, square = _running(sums[name], half), _running(squares[name], half)
+            mean[name] = (centre[name] + total / many)[use]
+            scatter = np.maximum(square / many - (total / many) ** 2, 0.0) / np.maximum(many - 1.0, 1.0)
+            least = factor * floor / many**2
             sigma[name] = np.sqrt(np.where(many > 3, np.maximum(scatter, least), least))[use]
-    return ((first + np.arange(cells)) * step)[use], mean, sigma, np.rint(many[use]).astype(int)
+    return ((first + np.arange(count.size)) * step)[use], mean, sigma, np.rint(many[use]).astype(int)
+
+
+def _sums(reader: ScanReader, logs: list[ScanLog], centre: dict[str, float], step: float):
+    """First cell, and per cell the number of scans, the sum of their variances, and sums and squares about a centre."""
+    start, stop = reader.span()
+    first = int(np.floor(start / step))
+    cells = int(np.ceil(stop / step)) - first + 2
+    count, base = np.zeros(cells), np.zeros(cells)
+    sums, squares = ({name: np.zeros(cells) for name in _WINDOWED} for _ in range(2))
+    for log in logs:
+        for part, place in log.pieces(reader):
+            good = log.good[part]
+            if not good.any():
+                continue
+            cell = np.rint(place[good] / step).astype(np.int64) - first
+            own = slice(int(cell.min()), int(cell.max()) + 1)
+            cell -= own.start
+            count[own] += np.bincount(cell)
+            base[own] += np.bincount(cell, log.sigma[part][good].astype(float) ** 2)
+            for name in _WINDOWED:
+                value = getattr(log, name)[part][good].astype(float) - centre[name]
+                sums[name][own] += np.bincount(cell, value)
+                squares[name][own] += np.bincount(cell, value**2)
+    return first, count, base, sums, squares
 
 
 def _running(values: np.ndarray, half: int) -> np.ndarray:

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
+from deform.caliper._kernels import unrest
 from deform.errors import Fault, InputError
 from deform.run.raw import RawRun
 
+if TYPE_CHECKING:
+    from deform.caliper.scan_clock import ClockError
+
 logger = logging.getLogger(__name__)
+
+SEGMENT = 2048  # scans over which an arm is judged to stand still
+STUCK_SHARE = 0.15  # of the usual step from scan to scan
+_FEW = 200  # scans in motion below which an arm is not judged
 
 
 @dataclass(frozen=True)
@@ -40,8 +48,10 @@ class ScanReader:
 
     Attributes
     ----------
-    angle_rad : (rings, arms) angle of the arms in use, rising from ring to ring the same number of arms.
+    angle_rad : (rings, arms) angle of the arms, rising.
     sign : +1 when the tool ran downstream, -1 upstream; clock = sign * (angle + roll).
+    time : (scans,) s, on the clock of the inertial unit.
+    stuck : (rings, segments, arms) true where an arm stood still over `SEGMENT` scans; its readings there are dropped.
     """
 
     def __init__(self, raw: RawRun, trajectory: xr.Dataset, block_scans: int = 100_000):
@@ -59,6 +69,8 @@ class ScanReader:
         self._dead = np.zeros(self._all_angles.shape, bool)
         self.ring_offset = tuple(raw.header.caliper.ring_offset_m)
         self.scans = int(raw.arms.sizes["scan"])
+        self.time = np.asarray(raw.arms["time"].values, float)
+        self.stuck = np.zeros((self.rings, -(-self.scans // SEGMENT), self._all_angles.shape[1]), bool)
         self._interpolate(trajectory)
         self._check()
 
@@ -75,6 +87,11 @@ class ScanReader:
     def calibrate(self, offset: np.ndarray, dead: np.ndarray) -> None:
         """Take arm offsets (rings, arms) in metre off every reading from now on, and drop dead arms."""
         self._offset, self._dead = np.where(np.isfinite(offset), offset, 0.0), dead
+
+    def correct_clock(self, error: ClockError) -> None:
+        """Put the scans on the clock of the inertial unit, and the rings in their place, from now on."""
+        self.time = error.right(self.time)
+        self.ring_offset = tuple(y + error.ahead for y in self.ring_offset)
 
     def chainage(self, time: np.ndarray, ring: int) -> np.ndarray:
         """Chainage (m) of a ring: that of the IMU, moved along the pipe by the ring's distance from it."""
@@ -93,25 +110,51 @@ class ScanReader:
         shifts = [self.sign * y for y in self.ring_offset]
         return float(self._chainage.min() + min(shifts)), float(self._chainage.max() + max(shifts))
 
-    def blocks(self, ring: int) -> Iterator[ScanBlock]:
-        """Yield all scans of a ring in order of time."""
-        for start in range(0, self.scans, self.block_scans):
-            yield self.read(ring, start, min(start + self.block_scans, self.scans))
-
     def read(self, ring: int, start: int, stop: int) -> ScanBlock:
         """Read scans ``start`` to ``stop`` of a ring."""
         part = self._radius.isel(scan=slice(start, stop))
         if "ring" in part.dims:
-            part = part.isel(ring=ring).transpose("scan", "arm")
-        radius = self._decode(part)[:, self._order[ring]]
+            part = part.isel(ring=ring)
+        return self._block(ring, start, part.transpose("scan", "arm").values)
+
+    def read_rings(self, start: int, stop: int) -> list[ScanBlock]:
+        """Read scans ``start`` to ``stop`` of all rings, the file once."""
+        part = self._radius.isel(scan=slice(start, stop))
+        if "ring" not in part.dims:
+            return [self._block(0, start, part.transpose("scan", "arm").values)]
+        counts = part.transpose("ring", "scan", "arm").values
+        return [self._block(ring, start, counts[ring]) for ring in range(self.rings)]
+
+    def find_stuck(self, blocks: list[ScanBlock], first: int, last: int) -> None:
+        """Judge the arms segment by segment between two scans, and drop what stuck arms said in these blocks.
+
+        An arm that hardly moves from scan to scan while the others do is stuck there.
+        """
+        for ring, block in enumerate(blocks):
+            step, count = np.empty(block.radius.shape[1]), np.empty(block.radius.shape[1])
+            for segment in range(first // SEGMENT, -(-last // SEGMENT)):
+                rows = slice(max(segment * SEGMENT, first) - block.start, min((segment + 1) * SEGMENT, last) - block.start)
+                unrest(block.radius[rows], self.moving(block.time[rows]), step, count)
+                known = count > _FEW
+                if known.sum() > 3:
+                    stuck = known & (step < STUCK_SHARE * np.median(step[known]))
+                    self.stuck[ring, segment] = stuck
+                    block.radius[rows, stuck] = np.nan
+
+    def _block(self, ring: int, start: int, counts: np.ndarray) -> ScanBlock:
+        radius = self._decode(counts)[:, self._order[ring]]
         radius -= self._offset[ring]
         if self._dead[ring].any():
             radius[:, self._dead[ring]] = np.nan
-        time = np.asarray(self._arms["time"].isel(scan=slice(start, stop)).values, float)
+        for segment in range(start // SEGMENT, -(-(start + len(radius)) // SEGMENT)):
+            if self.stuck[ring, segment].any():
+                rows = slice(max(0, segment * SEGMENT - start), (segment + 1) * SEGMENT - start)
+                radius[rows, self.stuck[ring, segment]] = np.nan
+        time = self.time[start : start + len(radius)]
         return ScanBlock(start, time, self.chainage(time, ring), self.roll(time), radius)
 
-    def _decode(self, part: xr.DataArray) -> np.ndarray:
-        counts, attrs = part.values, part.attrs
+    def _decode(self, counts: np.ndarray) -> np.ndarray:
+        attrs = self._radius.attrs
         radius = counts.astype(float)
         if "_FillValue" in attrs:
             radius[counts == attrs["_FillValue"]] = np.nan
@@ -144,7 +187,7 @@ class ScanReader:
             faults.append(Fault(where, "ring", rule))
         if self._all_angles.shape[1] < 6:
             faults.append(Fault(where, "arm", f"{self._all_angles.shape[1]} arms; at least 6 are needed for an ellipse"))
-        time = np.asarray(self._arms["time"].values, float)
+        time = self.time
         if not np.isfinite(time).all() or (np.diff(time) < 0).any():
             i = int(np.flatnonzero(~(np.diff(time, prepend=-np.inf) >= 0))[0])
             faults.append(Fault(where, "time", f"is not rising at scan {i} ({time[i]:.3f} s)", "sort or repair the scan clock"))

@@ -33,7 +33,7 @@ def pose(reader: ScanReader, logs: list[ScanLog], window_s: float = 0.1) -> xr.D
     Porter 1990, section 1 and 2.2: two rings yield the pig-to-pipe translation and attitude corrections.
     """
     fore = int(np.argmax(reader.ring_offset))
-    grid, offsets = _averaged(logs, window_s)
+    grid, offsets = _averaged(reader, logs, window_s)
     right, up, sigma = offsets[fore]
     values = {
         "time": grid,
@@ -57,20 +57,27 @@ def pose(reader: ScanReader, logs: list[ScanLog], window_s: float = 0.1) -> xr.D
     )
 
 
-def _averaged(logs: list[ScanLog], window: float):
+def _averaged(reader: ScanReader, logs: list[ScanLog], window: float):
     """Mean centre of each ring in windows of time where all rings have a section, and its sigma."""
-    time = logs[0].time
-    there = np.logical_and.reduce([np.isfinite(log.radius) for log in logs])
-    if not there.any():
-        empty = np.empty(0)
-        return empty, [(empty, empty, empty) for _ in logs]
-    cell = np.floor((time[there] - time[0]) / window).astype(np.int64)
-    count = np.bincount(cell)
+    begin = reader.time[0] if reader.scans else 0.0
+    cells = int((reader.time[-1] - begin) / window) + 1 if reader.scans else 0
+    count, total = np.zeros(cells), np.zeros(cells)
+    sums = np.zeros((len(logs), 3, cells))
+    for part, _ in logs[0].pieces(reader):
+        there = np.logical_and.reduce([np.isfinite(log.radius[part]) for log in logs])
+        if not there.any():
+            continue
+        time = reader.time[part][there]
+        cell = ((time - begin) / window).astype(np.int64)
+        own = slice(cell[0], cell[-1] + 1)  # the clock rises
+        cell -= cell[0]
+        count[own] += np.bincount(cell)
+        total[own] += np.bincount(cell, time)
+        for k, log in enumerate(logs):
+            right, up, sigma = (getattr(log, n)[part][there].astype(float) for n in ("right", "up", "sigma"))
+            for j, value in enumerate((right, up, 2.0 * sigma**2)):
+                sums[k, j, own] += np.bincount(cell, value)
     use = count > 0
-    grid = np.bincount(cell, time[there])[use] / count[use]
-    results = []
-    for log in logs:
-        right, up = (np.bincount(cell, v[there])[use] / count[use] for v in (log.right, log.up))
-        variance = np.bincount(cell, 2.0 * log.reading_sigma[there] ** 2)[use] / count[use] ** 2
-        results.append((right, up, np.sqrt(variance)))
-    return grid, results
+    count = count[use]
+    offsets = [(right[use] / count, up[use] / count, np.sqrt(square[use]) / count) for right, up, square in sums]
+    return total[use] / count, offsets

@@ -8,7 +8,8 @@ import numpy as np
 import xarray as xr
 
 from deform.caliper._kernels import bead_and_step
-from deform.caliper.cross_section import ScanLog
+from deform.caliper.cross_section import ScanLog, scan_ranges
+from deform.caliper.scans import ScanReader
 from deform.caliper.weld_hits import hit_centre, hit_score
 from deform.caliper.weld_shape import BEAD_HALF_M, FLANK_M, LEAST_ARM_SCORE, bead_centre, edge, is_narrow
 from deform.run.raw import RawRun
@@ -17,7 +18,8 @@ HEARD = 100.0  # score of a detector that fired; it has no other
 _LEAST_STEP_SCORE = 8.0  # sigma; the wall also waves by itself over such lengths
 _LEAST_HIT_SCORE = 5.0  # sigma of the accelerometers' own noise over the same seconds
 _LEAST_TRACE = 1.5  # sigma; weaker traces are not kept
-_CHUNK, _OVERLAP = 1_000_000, 1_000  # samples of the accelerometers taken at once
+_CHUNK, _OVERLAP = 250_000, 1_000  # samples of the accelerometers taken at once
+_PIECE_M, _SEEN_M = 1000.0, 1.5  # line looked at once by the arms, and wall on either side that its ends need
 _RING_S = 0.25  # a hit rings no longer than this
 
 
@@ -87,20 +89,37 @@ def detector_channel(raw: RawRun, trajectory: xr.Dataset) -> Channel | None:
     return Channel("detector", place, heard, 0.0 * heard, place, heard, np.array([[chainage.min(), chainage.max()]]))
 
 
-def arms_channel(log: ScanLog) -> Channel | None:
-    """Weld beads and wall steps in the mean radius of a ring, each at the ring's own chainage.
+def arms_channel(reader: ScanReader, log: ScanLog) -> Channel | None:
+    """Weld beads and wall steps in the mean radius of a ring, each at the ring's own chainage."""
+    start, stop = reader.span()
+    pieces = []
+    for low in np.arange(start, stop, _PIECE_M):
+        high = low + _PIECE_M
+        ranges = scan_ranges(reader, log, low - _SEEN_M, high + _SEEN_M)
+        index = np.concatenate([np.arange(a, b) for a, b in ranges]) if ranges else np.empty(0, np.int64)
+        index = index[log.good[index]]
+        if index.size:
+            place = reader.chainage(reader.time[index], log.ring)
+            order = np.argsort(place, kind="stable")
+            pieces.append(_arms_piece(place[order], log.radius[index[order]].astype(float), (low, high)))
+    return _joined([p for p in pieces if p is not None])
+
+
+def channel_of_radius(place: np.ndarray, radius: np.ndarray) -> Channel | None:
+    """The channel of one ring from its mean radius (m) at rising places (m)."""
+    return _joined([p for p in [_arms_piece(place, radius, (-np.inf, np.inf))] if p is not None])
+
+
+def _arms_piece(place: np.ndarray, radius: np.ndarray, own: tuple[float, float]) -> Channel | None:
+    """Events and traces of a piece of line that lie between two places.
 
     Notes
     -----
     A bead is a narrow inward kick that returns on both sides; a step is believed when the wall keeps its level on both sides
     as pipes do. At the edge of a recess and in a collar the arms have nothing to say for or against a weld: they are deaf.
     """
-    good = np.flatnonzero(log.good)
-    if good.size < 100:
+    if place.size < 100:
         return None
-    place = log.chainage[good]
-    order = np.argsort(place, kind="stable")
-    place, radius = place[order], log.radius[good][order]
     bead, step = np.empty(place.size, np.float32), np.empty(place.size, np.float32)
     noise = 1.4826 * np.median(np.abs(np.diff(radius))) / np.sqrt(2.0)
     bead_and_step(place, radius, max(noise, 1e-6), BEAD_HALF_M, FLANK_M, bead, step)
@@ -122,9 +141,22 @@ def arms_channel(log: ScanLog) -> Channel | None:
     level = bead.copy()
     at = np.minimum(np.searchsorted(place, table[:, 0]), place.size - 1)
     level[at] = np.maximum(level[at], table[:, 1])
-    heard = level > _LEAST_TRACE
-    channel = Channel("arms", table[:, 0], table[:, 1], table[:, 2], place[heard], level[heard], _stretches(place))
+    inside = (place >= own[0]) & (place < own[1])
+    heard = inside & (level > _LEAST_TRACE)
+    table = table[(table[:, 0] >= own[0]) & (table[:, 0] < own[1])]
+    covered = np.clip(_stretches(place), *own)
+    covered = covered[covered[:, 1] > covered[:, 0]]
+    channel = Channel("arms", table[:, 0], table[:, 1], table[:, 2], place[heard], level[heard].astype(float), covered)
     return channel.without(_around(np.array(other), table[:, 0]))
+
+
+def _joined(pieces: list[Channel]) -> Channel | None:
+    """Pieces of a channel in the order of the line as one."""
+    if not pieces:
+        return None
+    names = ("place", "score", "sigma", "axis", "level", "covered")
+    joined = {n: np.concatenate([getattr(p, n) for p in pieces]) for n in names}
+    return Channel(pieces[0].name, **joined)
 
 
 def accelerometer_channel(raw: RawRun, trajectory: xr.Dataset) -> Channel | None:

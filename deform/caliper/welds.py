@@ -81,7 +81,6 @@ def _align(channels: list[Channel], cluster: float) -> tuple[list[Channel], np.n
             shift[k] = np.median(difference)
             if abs(shift[k]) > 0.05:
                 logger.warning("welds: %s stand %.3f m off the %s; shifted", channels[k].name, shift[k], channels[0].name)
-            _tell_drift(channels[0], channels[k], cluster)
     moved = [c.moved(-s) for c, s in zip(channels, shift, strict=True)]
     variance, count = np.zeros((len(channels), len(channels))), np.zeros((len(channels), len(channels)))
     for i in range(len(channels)):
@@ -102,30 +101,16 @@ def _align(channels: list[Channel], cluster: float) -> tuple[list[Channel], np.n
     return moved, sigma
 
 
-def _tell_drift(first: Channel, second: Channel, cluster: float) -> None:
-    """Warn when two channels run apart along the line: their clocks differ."""
-    difference, place = _differences(first, second, cluster, with_place=True)
-    if difference.size < 20:
-        return
-    thirds = np.array_split(np.argsort(place), 3)
-    drift = float(np.median(difference[thirds[2]]) - np.median(difference[thirds[0]]))
-    noise = 1.2533 * float(np.std(difference)) / np.sqrt(len(thirds[0]))
-    if abs(drift) > max(0.02, 6.0 * noise):
-        logger.warning(
-            "welds: %s and %s run apart by %.3f m along the line: their clocks differ", second.name, first.name, 1.5 * drift
-        )
-
-
-def _differences(first: Channel, second: Channel, cluster: float, with_place: bool = False):
+def _differences(first: Channel, second: Channel, cluster: float) -> np.ndarray:
     """Places of the second minus the nearest of the first, where they are mutual and near (m)."""
     if not first.place.size or not second.place.size:
-        return (np.empty(0), np.empty(0)) if with_place else np.empty(0)
+        return np.empty(0)
     to_first = _nearest(second.place, first.place)
     back = _nearest(first.place, second.place)
     difference = second.place - first.place[to_first]
     mutual = back[to_first] == np.arange(second.place.size)
     use = mutual & (np.abs(difference) < cluster)
-    return (difference[use], second.place[use]) if with_place else difference[use]
+    return difference[use]
 
 
 def _nearest(places: np.ndarray, among: np.ndarray) -> np.ndarray:

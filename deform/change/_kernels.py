@@ -139,14 +139,30 @@ def block_means(values, size, out):
 
 @numba.njit(cache=True, error_model="numpy", parallel=True)
 def curvature_difference(
-    before, after, sigma_before, sigma_after, stated, classes, factor, map_sigma, fraction, shift, step, change, sigma
+    before,
+    after,
+    sigma_before,
+    sigma_after,
+    stated,
+    speed_before,
+    speed_after,
+    table_before,
+    table_after,
+    map_sigma,
+    fraction,
+    shift,
+    step,
+    change,
+    sigma,
 ):
-    """Change of curvature and its sigma: f² (σ₁² + σ₂²) + (a k)² + (b² + σ_map²) (dk/ds)²; ``factor[class + 1]`` is f."""
+    """Change of curvature and its sigma in one pass: f² (σ₁² + σ₂²) + (a k)² + (b² + σ_map²) (dk/ds)².
+
+    f² = ``table_before`` at the speed step of the first run + ``table_after`` at that of the second.
+    """
     n = before.shape[0]
     for i in numba.prange(n):
         change[i] = after[i] - before[i]
-        quiet = factor[classes[i] + 1]
-        square = quiet * quiet
+        square = table_before[speed_before[i]] + table_after[speed_after[i]]
         if stated:
             square *= sigma_before[i] * sigma_before[i] + sigma_after[i] * sigma_after[i]
         k = before[i]
@@ -158,3 +174,76 @@ def curvature_difference(
                 wrong = 0.0
             square += (shift * shift + wrong * wrong) * slope * slope
         sigma[i] = np.sqrt(square + fraction * fraction * k * k)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def explained(place, change, weight, starts, ends, shortest, shapes, out):
+    """Fill out (starts, ends) with the chi-square that shapes between each start and end explain, both components at once.
+
+    ``weight`` (n, 2) holds square roots of weights; ``shapes`` (count, powers) the polynomials of x = (s - a) / (b - a), powers
+    rising. Minus one where a stretch is too short or holds too little. Normal equations by Cholesky; the shapes are near
+    orthogonal, so that they are well conditioned.
+    """
+    n, count, powers = place.shape[0], shapes.shape[0], shapes.shape[1]
+    value = np.empty(count)
+    normal = np.empty((2, count, count))
+    right = np.empty((2, count))
+    for i in range(starts.shape[0]):
+        first = np.searchsorted(place, starts[i])
+        for j in range(ends.shape[0]):
+            out[i, j] = -1.0
+            last = np.searchsorted(place, ends[j])
+            length = ends[j] - starts[i]
+            if length < shortest or last - first < count + 1:
+                continue
+            normal[:] = 0.0
+            right[:] = 0.0
+            for k in range(first, min(last, n)):
+                x = (place[k] - starts[i]) / length
+                for p in range(count):
+                    v = shapes[p, powers - 1]
+                    for q in range(powers - 2, -1, -1):
+                        v = v * x + shapes[p, q]
+                    value[p] = v
+                for c in range(2):
+                    w = weight[k, c] * weight[k, c]
+                    if w > 0.0:
+                        for p in range(count):
+                            right[c, p] += w * value[p] * change[k, c]
+                            for q in range(p + 1):
+                                normal[c, p, q] += w * value[p] * value[q]
+            total = 0.0
+            for c in range(2):
+                total += _quadratic(normal[c], right[c])
+            out[i, j] = total
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _quadratic(a, b):
+    """B' A⁻¹ b of a symmetric matrix, given by its lower triangle and overwritten; directions without weight count nothing."""
+    n = b.shape[0]
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, a[i, i])
+    if not largest > 0.0:
+        return 0.0
+    total = 0.0
+    for i in range(n):
+        for j in range(i):
+            s = a[i, j]
+            for k in range(j):
+                s -= a[i, k] * a[j, k]
+            a[i, j] = s / a[j, j] if a[j, j] > 0.0 else 0.0
+        s = a[i, i]
+        t = b[i]
+        for k in range(i):
+            s -= a[i, k] * a[i, k]
+            t -= a[i, k] * b[k]
+        if s > 1e-9 * largest:
+            a[i, i] = np.sqrt(s)
+            b[i] = t / a[i, i]
+        else:
+            a[i, i] = 0.0
+            b[i] = 0.0
+        total += b[i] * b[i]
+    return total

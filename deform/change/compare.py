@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,11 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
+from deform.change.axial_zones import axial_zones
 from deform.change.dent_change import compare_dents
 from deform.change.detection_limit import joint_rows, limit_rows
-from deform.change.joint_change import elongation, noise_of_joints, with_axial_strain
+from deform.change.joint_change import Elongation, with_axial_strain
+from deform.change.ovality_change import ovality_table
 from deform.change.pair import PairChange, PairSearch
 from deform.change.stack import POSITION, Layer, layer, reference_axis, run_day, run_id, tangents
 from deform.change.zone_table import zone_table
@@ -43,6 +44,7 @@ class Comparison:
     dents : table ``dents``, all runs.
     joints : table ``joints``, with axial strain.
     limits : table ``limits``: noise floors and detection limits of each pair.
+    ovality : table ``ovality``: stretches whose section changed.
     remarks : what the runs cannot tell, in words.
     """
 
@@ -51,6 +53,7 @@ class Comparison:
     dents: pd.DataFrame
     joints: pd.DataFrame
     limits: pd.DataFrame
+    ovality: pd.DataFrame
     remarks: tuple[str, ...] = ()
 
 
@@ -78,8 +81,9 @@ def compare(
     -----
     Each run is brought to the steel of the reference run (`stack`), its difference freed of the drift of the two trajectories
     by the pipe that did not move (`datum`), movements are searched in position and curvature together (`wavelength`,
-    `zones`), and every derived number gets its sigma from the stable pipe of the pair itself (`noise_floor`). A listing tells
-    only what it holds.
+    `zones`), their extent is what explains the curvature best (`support`), and every derived number gets its sigma from the
+    stable pipe of the pair itself (`noise_floor`, `bridge`). Runs are compared with the reference run and with the run before.
+    A listing tells only what it holds.
     """
     options, tick = options or ChangeOptions(), progress or (lambda fraction: None)
     runs = _in_order(runs, matching)
@@ -88,60 +92,84 @@ def compare(
     base = runs[names.index(reference)]
     axis = reference_axis(base, options.axis_step_m)
     remarks: list[str] = []
-    ground = layer(base, matching.maps[reference], axis)
-    ground = _whole(ground, axis)
+    ground = _whole(layer(base, matching.maps[reference], axis), axis)
     diameter = _diameter(runs, ground, remarks)
     axes = tangents(ground, axis) if ground.has(*POSITION) or ground.has("azimuth", "pitch") else None
     values = _Values(len(runs), axis.size)
-    searches: dict[int, PairSearch] = {}
+    searches: list[tuple[int, PairSearch]] = []
+    before = None
     for k, run in enumerate(runs):
         if names[k] == reference:
             values.reference(k, ground)
-        else:
-            other = layer(run, matching.maps[names[k]], axis)
-            remarks += _what_is_missing(ground, other)
-            values.place(k, other)
-            if axes is not None:
-                searches[k] = _search(ground, other, axis, axes, matching, options)
+            before = ground
+            continue
+        other = layer(run, matching.maps[names[k]], axis)
+        remarks += _what_is_missing(ground, other)
+        values.place(k, other)
+        if axes is not None:
+            searches.append((k, _search(ground, other, axis, axes, matching, options)))
+            if before is not None and before is not ground:
+                searches.append((k, _search(before, other, axis, axes, matching, options)))
+        before = other
         tick(0.8 * (k + 1) / len(runs))
-    pairs = _finish(searches, values, diameter)
+    del before
+    pairs, steps = _finish(searches, values, diameter, reference)
     tick(0.9)
+    return _comparison(runs, matching, options, tick, values, (pairs, steps), axis, ground, diameter, remarks)
+
+
+def _comparison(runs, matching, options, tick, values, changes, axis, ground, diameter, remarks) -> Comparison:
+    """Tables and dataset from the finished pairs."""
+    names, reference = [run_id(run) for run in runs], ground.run
+    pairs, steps = changes
     joints = with_axial_strain(matching.joints, reference, names, options.k_sigma)
-    zones = zone_table(pairs, axis, matching.edits, joints, diameter, options)
+    grown = axial_zones(joints, reference, names, [run_day(run) for run in runs], options)
+    zones = zone_table(pairs, steps, grown, axis, matching.edits, diameter, options)
     dents = compare_dents(runs, matching, options, joints)
-    rows = [row for pair in pairs for row in limit_rows(pair, diameter)]
-    rows += [row for name in names for row in joint_rows(reference, name, noise_of_joints(joints, name))]
+    rows = [row for pair in (*pairs, *steps) for row in limit_rows(pair, diameter)]
+    rows += [row for name in names for row in joint_rows(reference, name, Elongation(joints, name))]
     limits = build.table("limits", pd.DataFrame(rows))
+    ovality = ovality_table(pairs, axis, dents, options)
     tick(1.0)
     for remark in remarks:
         log.warning("%s", remark)
     dataset = values.dataset(names, runs, axis, reference, ground.gauge_length)
     if np.isfinite(diameter):
         dataset.attrs["outside_diameter_m"] = diameter
-    return Comparison(dataset, zones, dents, joints, limits, tuple(remarks))
+    return Comparison(dataset, zones, dents, joints, limits, ovality, tuple(remarks))
 
 
 def _search(ground: Layer, other: Layer, axis: Floats, axes: Any, matching: Any, options: ChangeOptions) -> PairSearch:
-    """Search one run for what changed since the reference run."""
-    broken = np.asarray(matching.maps[other.run].broken, float).reshape(-1, 2)
-    edits = tuple((float(start), float(end)) for start, end in broken)
-    longer = partial(elongation, matching.joints, other.run) if f"change_m:{other.run}" in matching.joints else None
+    """Search one run for what changed since another."""
+    broken = [np.asarray(matching.maps[run].broken, float).reshape(-1, 2) for run in {ground.run, other.run}]
+    edits = tuple((float(start), float(end)) for start, end in np.concatenate(broken))
+    since = None if ground.run == str(matching.reference) else ground.run
+    known = f"change_m:{other.run}" in matching.joints and (since is None or f"change_m:{since}" in matching.joints)
+    longer = Elongation(matching.joints, other.run, since) if known else None
     search = PairSearch(ground, other, axis, axes, options, edits, longer)
     search.run()
     return search
 
 
-def _finish(searches: dict[int, PairSearch], values: _Values, diameter: float) -> list[PairChange]:
-    """Changes of all runs on datums that what moved in any run has no part in; each search is let go when it is done."""
-    moving = [stretch for search in searches.values() for stretch in search.excluded]
-    pairs = []
-    for k in list(searches):
-        search = searches.pop(k)
+def _finish(
+    searches: list[tuple[int, PairSearch]], values: _Values, diameter: float, reference: str
+) -> tuple[list[PairChange], list[PairChange]]:
+    """Changes since the reference run and since the run before, on datums that what moved in any run has no part in; each
+    search is let go when it is done.
+    """
+    moving = [stretch for _, search in searches for stretch in search.excluded]
+    pairs: list[PairChange] = []
+    steps: list[PairChange] = []
+    while searches:
+        k, search = searches.pop(0)
         search.keep_clear(moving)
         pair = search.finish()
-        values.change(k, pair, diameter)
-        pairs.append(pair)
-    return pairs
+        if pair.reference == reference:
+            values.change(k, pair, diameter)
+            pairs.append(pair)
+        else:
+            steps.append(pair)
+    return pairs, steps
 
 
 def _in_order(runs: list[xr.DataTree], matching: Any) -> list[xr.DataTree]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deform.change import _kernels
-from deform.change.noise_floor import SPEED_EDGES, bend_terms, floor_by_class, spread
+from deform.change.noise_floor import bend_terms, speed_noise, spread
 from deform.change.stack import Layer
 
 Floats = NDArray[Any]
@@ -24,7 +24,7 @@ class CurvatureChange:
     Attributes
     ----------
     change, sigma : (n,) run minus reference and its standard deviation (1/m).
-    floors : noise floor by speed class (1/m) on straight pipe.
+    floors : noise floor by speed class of both runs (1/m) on straight pipe.
     fraction, shift : what bends add: a fraction of the curvature, a shift along the pipe (m).
     """
 
@@ -36,7 +36,7 @@ class CurvatureChange:
 
 
 def curvature_change(
-    reference: Layer, other: Layer, component: str, step: float, classes: Floats, stable: Floats
+    reference: Layer, other: Layer, component: str, step: float, speeds: tuple[Floats, Floats], stable: Floats
 ) -> CurvatureChange | None:
     """Return the change of curvature of one component, or None when either run has no curvature.
 
@@ -45,49 +45,47 @@ def curvature_change(
     reference, other : the two runs on the reference chainage.
     component : ``horizontal`` or ``vertical``; changes are formed per component, never from totals.
     step : of the reference chainage (m).
-    classes : (n,) speed class of each place.
+    speeds : `noise_floor.speed_step` of the reference and of the other run, each (n,).
     stable : (n,) true where the pipe is judged unchanged.
 
     Notes
     -----
-    σ² = f² (σ_run² + σ_reference²) + (a k)² + (b dk/ds)²: f from the stable straight pipe of each speed class, a and b from
-    its bends (`noise_floor.bend_terms`), b at least the sigma of the chainage map. A bend that both runs see is no change.
-    Straight pipe is told by the mean of the two runs, whose noise is independent of that of their difference: choosing by one
-    run alone would choose its quiet moments.
+    σ² = f² (σ_run² + σ_reference²) + (a k)² + (b dk/ds)²: f from the stable straight pipe at the speeds of both runs
+    (`noise_floor.speed_noise`), a and b from its bends (`noise_floor.bend_terms`), b at least the sigma of the chainage map. A
+    bend that both runs see is no change. Straight pipe is told by the mean of the two runs, whose noise is independent of that
+    of their difference: choosing by one run alone would choose its quiet moments.
     """
     name = f"curvature_{component}"
     if not (reference.has(name) and other.has(name)):
         return None
     base, there = reference.values[name], other.values[name]
     stated = _stated(reference, other, name)
-    table, floors, a, b = _noise(base, there, stated, step, classes, stable)
+    tables, floors, a, b = _noise(base, there, stated, step, speeds, stable)
     change, sigma = np.empty(base.size), np.empty(base.size)
     ones = stated if stated is not None else (base, base)
-    _kernels.curvature_difference(
-        base, there, *ones, stated is not None, classes, table, other.run_chainage_sigma, a, b, step, change, sigma
-    )
+    given = (base, there, *ones, stated is not None, *speeds, *tables, other.run_chainage_sigma, a, b, step, change, sigma)
+    _kernels.curvature_difference(*given)
     return CurvatureChange(change, sigma, floors, a, b)
 
 
-def _noise(base, there, stated, step, classes, stable):
-    """Factor on the stated sigma by class (place class + 1), noise floors (1/m), and what bends add; from a sample of the
+def _noise(base, there, stated, step, speeds, stable):
+    """Squared factors on the stated sigma by speed step of each run, noise floors (1/m), and what bends add; from a sample of the
     pipe.
     """
     at = np.arange(1, base.size - 1, max(base.size // _SAMPLE, 1))
-    k, change, still, speed = base[at], there[at] - base[at], stable[at], classes[at]
+    k, change, still = base[at], there[at] - base[at], stable[at]
     formal = np.hypot(stated[0][at], stated[1][at]) if stated is not None else np.ones(at.size)
     slope = (base[at + 1] - base[at - 1]) / (2.0 * step)
     with np.errstate(invalid="ignore", divide="ignore"):
         straight = still & (0.5 * np.abs(k + there[at]) < 4.0 * spread(change[still]))
         ratio = change / formal
-    factor, found = floor_by_class(ratio, speed, straight if straight.sum() > 200 else still)
-    whole = found[-1] if np.isfinite(found[-1]) else 1.0
-    table = np.full(len(SPEED_EDGES) + 2, whole)
-    for number, value in found.items():
-        table[number + 1] = value if np.isfinite(value) else whole
+    steps = speeds[0][at], speeds[1][at]
+    noise = speed_noise(ratio, *steps, straight if straight.sum() > 200 else still)
+    factor = noise.at(*steps)
+    tables = tuple(np.where(np.isfinite(part), part, 0.5) for part in (noise.reference, noise.other))
     a, b = bend_terms(change, np.where(np.isfinite(factor), factor, 1.0) * formal, k, slope, still)
     typical = float(np.nanmedian(formal)) if np.isfinite(formal).any() else float("nan")
-    return table, {number: value * typical for number, value in found.items()}, a, b
+    return tables, {number: value * typical for number, value in noise.floors.items()}, a, b
 
 
 def _stated(reference: Layer, other: Layer, name: str) -> tuple[Floats, Floats] | None:

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 from scipy.stats import ncx2
 
+from deform.change.axial_zones import strings_of
+from deform.change.joint_change import Elongation
 from deform.change.noise_floor import class_name
 from deform.change.pair import PairChange
 
@@ -76,17 +78,25 @@ def limit_rows(pair: PairChange, outside_diameter: float) -> list[dict]:
     return rows
 
 
-def joint_rows(reference: str, run: str, noise: float) -> list[dict]:
-    """Return the row of the noise floor of joint lengths of a run since the reference run; none where it is not known."""
-    if run == reference or not np.isfinite(noise):
+def joint_rows(reference: str, run: str, elongation: Elongation) -> list[dict]:
+    """Return the rows of the joint lengths of a run since the reference run: their noise floor, and the least elongation of
+    strings of joints that would have been found; none where they are not known.
+    """
+    if run == reference or not np.isfinite(elongation.noise):
         return []
-    row = {"run_from": reference, "run_to": run, "quantity": "joint length", "component": "axial"}
-    return [row | {"speed_class": class_name(-1), "noise_sigma": noise}]
+    names = {"run_from": reference, "run_to": run, "quantity": "joint length", "component": "axial"}
+    rows = [names | {"speed_class": class_name(-1), "noise_sigma": elongation.noise}]
+    for string in strings_of(elongation):
+        least = string.sigma * string.caution * np.sqrt(string.limit)
+        row = {"noise_sigma": string.sigma, "wavelength_m": string.length, "limit_elongation_m": least}
+        row |= {"limit_axial_strain": least / string.length, "decided_by": "joint length", "speed_class": class_name(-1)}
+        rows.append(names | row)
+    return rows
 
 
 def _wave_row(wave, m: int, component: str, limit: float, outside_diameter: float) -> dict:
-    sigma = _median(wave.sigma[:, m])
-    half, sure = detectable(sigma, limit, 0.5), detectable(sigma, limit, 0.9)
+    sigma = float(wave.typical[m])
+    half, sure = (detectable(sigma, limit * wave.caution[m] ** 2, probability) for probability in (0.5, 0.9))
     position, curvature = _median(wave.position_sigma[:, m]), _median(wave.curvature_sigma[:, m])
     return {
         "quantity": "displacement",

@@ -12,6 +12,7 @@ from deform.geometry.resample import robust_sigma
 from deform.run import build
 
 Floats = NDArray[Any]
+_COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)  # joints of a string
 
 
 def with_axial_strain(joints: pd.DataFrame, reference: str, runs: list[str], k_sigma: float) -> pd.DataFrame:
@@ -53,31 +54,58 @@ def with_axial_strain(joints: pd.DataFrame, reference: str, runs: list[str], k_s
     return build.table("joints", out)
 
 
-def noise_of_joints(joints: pd.DataFrame, run: str) -> float:
-    """Return the robust spread of the changes of joint length of a run (m), NaN when there are none."""
-    change = _column(joints, f"change_m:{run}") if len(joints) else np.array([])
-    return float(robust_sigma(change)) if np.isfinite(change).sum() > 4 else float("nan")
+class Elongation:
+    """By how much the joints of stretches of the reference chainage have grown from one run to another.
 
-
-def elongation(joints: pd.DataFrame, run: str, start: float, end: float) -> tuple[float, float]:
-    """Return by how much the joints of a stretch of the reference chainage have grown (m), and the sigma.
+    Parameters
+    ----------
+    joints : table ``joints`` of the matching.
+    run : name of the later run.
+    since : name of the earlier one; None for the reference run.
 
     Notes
     -----
-    The sum of the changes of all joints that lie in the stretch by more than half. Neighbouring joints share a weld, so that
-    their errors cancel but for the two outer welds: σ = that of one joint's change, whatever the number of joints, plus the
-    random walk of the odometer, taken as a tenth of it per joint.
+    Neighbouring joints share a weld, so that their errors cancel but for the two outer welds; the odometer adds a random walk.
+    Neither is assumed: the sigma of a string of n joints is the robust spread of all strings of n joints of this pair.
     """
-    change = _column(joints, f"change_m:{run}") if len(joints) else np.array([])
-    if not change.size:
-        return float("nan"), float("nan")
-    begin = joints["reference_chainage_m"].to_numpy(float)
-    stop = np.append(begin[1:], np.nan)
-    chosen = (0.5 * (begin + stop) > start) & (0.5 * (begin + stop) < end) & np.isfinite(change)
-    if not chosen.any():
-        return float("nan"), float("nan")
-    noise = np.fmax(noise_of_joints(joints, run), 1e-4)
-    return float(change[chosen].sum()), float(noise * np.sqrt(1.0 + 0.01 * chosen.sum()))
+
+    def __init__(self, joints: pd.DataFrame, run: str, since: str | None = None):
+        change = _column(joints, f"change_m:{run}") if joints is not None and len(joints) else np.array([])
+        if since is not None and change.size:
+            change = change - _column(joints, f"change_m:{since}")
+        self.change = change
+        self.begin = joints["reference_chainage_m"].to_numpy(float) if change.size else change
+        self.stop = np.append(self.begin[1:], np.nan)
+        counts = [n for n in _COUNTS if np.isfinite(change).sum() > 4 * n]
+        self.spreads = {n: float(robust_sigma(self.strings(n))) for n in counts}
+
+    @property
+    def noise(self) -> float:
+        """Robust spread of the changes of one joint's length (m), NaN when there are too few."""
+        return self.spreads.get(1, float("nan"))
+
+    def strings(self, count: int) -> Floats:
+        """Change of length of each string of so many joints that follow each other (m), NaN where one is not known."""
+        if self.change.size < count:
+            return np.array([])
+        summed = np.concatenate([[0.0], np.cumsum(np.nan_to_num(self.change))])
+        gaps = np.concatenate([[0], np.cumsum(~np.isfinite(self.change))])
+        return np.where(gaps[count:] > gaps[:-count], np.nan, summed[count:] - summed[:-count])
+
+    def sigma(self, count: int) -> float:
+        """Standard deviation of the change of length of a string of joints (m)."""
+        known = [(n, s) for n, s in self.spreads.items() if np.isfinite(s) and s > 0]
+        if not known:
+            return float("nan")
+        return float(np.exp(np.interp(np.log(max(count, 1)), *np.log(np.array(known, float)).T)))
+
+    def __call__(self, start: float, end: float) -> tuple[float, float]:
+        """Elongation of the joints that lie in a stretch by more than half (m), and its sigma."""
+        middle = 0.5 * (self.begin + self.stop)
+        chosen = (middle > start) & (middle < end) & np.isfinite(self.change)
+        if not chosen.any():
+            return float("nan"), float("nan")
+        return float(self.change[chosen].sum()), self.sigma(int(chosen.sum()))
 
 
 def _column(joints: pd.DataFrame, name: str) -> Floats:

@@ -1,30 +1,48 @@
-"""Differences over stable pipe in, the noise floor of a pair of runs by speed class out."""
+"""Differences over stable pipe in, the noise floor of a pair of runs by the speeds of both out."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
+from scipy.stats import norm
+from scipy.stats import t as student
 
-from deform.geometry.resample import robust_sigma
+from deform.geometry.resample import MAD_TO_SIGMA
 
 Floats = NDArray[Any]
-SPEED_EDGES = (0.5, 1.0, 1.5, 2.0, 3.0, 5.0)  # m/s
-_LEAST_SHARE = 0.02  # a class below this share of the pipe takes the floor of the whole
+SPEED_EDGES = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)  # m/s
+_SLOWEST, _PER_OCTAVE = 0.25, 10  # m/s and steps: how finely the floor follows the speed
+SPEEDS = 64  # number of speed steps; step number SPEEDS stands for an unknown speed
+_LEAST_SHARE = 0.02  # of the pipe: a class that holds less is not listed
+_CELLS = 8  # of speed of each run
+_KNOT_STEPS = 3.0  # steps between the knots of the noise over the speed
+_WIDEST_TAIL = 2.0
+_SAMPLE = 300_000  # places that a floor is learned from, at most
+_LEAN = 0.02  # weight of an even share, in parts of that of all cells
+_TAILS = (0.9, 0.97, 0.99, 0.997, 0.999)
+_LEAST_BEYOND = 8.0  # independent values beyond a quantile that may widen a sigma
 
 
-def speed_class(speed: Floats | None, n: int) -> Floats:
-    """Return the number of the speed class at each place (0 = below 0.5 m/s), -1 where the speed is not known."""
+def speed_step(speed: Floats | None, n: int) -> NDArray[np.uint8]:
+    """Return the step of the speed at each place on a logarithmic scale, `SPEEDS` where the speed is not known."""
     if speed is None:
-        return np.full(n, -1)
-    return np.where(np.isfinite(speed), np.searchsorted(SPEED_EDGES, np.nan_to_num(speed), side="right"), -1)
+        return np.full(n, SPEEDS, np.uint8)
+    known = np.isfinite(speed)
+    steps = _PER_OCTAVE * np.log2(np.where(known, np.maximum(speed, 1e-3), 1.0) / _SLOWEST)
+    return np.where(known, np.clip(np.round(steps), 0, SPEEDS - 1), SPEEDS).astype(np.uint8)
+
+
+_STEP_SPEED = _SLOWEST * 2.0 ** (np.arange(SPEEDS) / _PER_OCTAVE)
+_CLASS_OF = np.append(np.searchsorted(SPEED_EDGES, _STEP_SPEED, side="right"), -1)
 
 
 def class_name(number: int) -> str:
-    """Words for a speed class."""
+    """Words for a speed class, from its number: 0 = below 0.5 m/s, -1 = all speeds."""
     if number < 0:
         return "all speeds"
     low = 0.0 if number == 0 else SPEED_EDGES[number - 1]
@@ -41,28 +59,139 @@ def spread(values: Floats) -> float:
     size = np.abs(values[np.isfinite(values)])
     if size.size < 8:
         return float("nan")
-    return float(max(1.4826022185056018 * np.median(size), np.quantile(size, 0.95) / 1.959964))
+    return float(max(MAD_TO_SIGMA * np.median(size), np.quantile(size, 0.95) / 1.959964))
 
 
-def floor_by_class(values: Floats, classes: Floats, stable: Floats) -> tuple[Floats, dict[int, float]]:
-    """Return the noise floor at each place from the spread over the stable pipe of its class, and the floor of each class.
+def tail_factor(z: Floats, independent: float, reach: float) -> float:
+    """Return by how much a variable is wider, so far out in its tails, than a normal one of its own bulk; 1 at least.
+
+    Parameters
+    ----------
+    z : values over a sigma that holds for their bulk.
+    independent : how many of them are independent.
+    reach : how far out a threshold lies (sigma).
+
+    Notes
+    -----
+    Ratios of the quantiles of |z| to those of a normal variable, from 0.9 on as long as eight independent values lie beyond; a
+    straight line through them over the normal quantile, led on to the threshold. A threshold lies where no line of usual length
+    has seen its noise: the tails must be led on, and never below what was seen.
+    """
+    size = np.abs(z[np.isfinite(z)])
+    levels = np.array([p for p in _TAILS if independent * (1.0 - p) >= _LEAST_BEYOND])
+    if not levels.size or size.size < 20:
+        return 1.0
+    normal = norm.ppf(0.5 + 0.5 * levels)
+    ratio = np.quantile(size, levels) / normal
+    if levels.size < 3:
+        return float(max(1.0, ratio.max()))
+    slope = max(float(np.polyfit(normal, ratio, 1)[0]), 0.0)
+    return float(np.clip(max(ratio.max(), ratio[-1] + slope * (reach - normal[-1])), 1.0, _WIDEST_TAIL))
+
+
+def few_looks_factor(independent: float, reach: float) -> float:
+    """Return by how much a threshold must be raised when the sigma comes from few independent values.
+
+    Notes
+    -----
+    The ratio of Student's to the normal quantile at the chance of a normal variable beyond ``reach``; a median of absolute values
+    is worth 0.37 of its values as degrees of freedom.
+    """
+    freedom = max(0.37 * independent, 3.0)
+    return float(student.isf(norm.sf(reach), freedom) / reach)
+
+
+@dataclass(frozen=True)
+class SpeedNoise:
+    """Noise of a difference as the sum of what each of two runs adds at its own speed.
+
+    Attributes
+    ----------
+    reference, other : (SPEEDS + 1,) variance that each run adds, by `speed_step`.
+    floors : sigma by speed class when both runs travel in it; -1 = all speeds.
+    """
+
+    reference: Floats
+    other: Floats
+    floors: dict[int, float]
+
+    def at(self, reference_step: Floats, other_step: Floats) -> Floats:
+        """Sigma of the difference at each place."""
+        return np.sqrt(self.reference[reference_step] + self.other[other_step])
+
+
+def speed_noise(values: Floats, reference_step: Floats, other_step: Floats, stable: Floats) -> SpeedNoise:
+    """Return the noise floor of a difference from its spread over stable pipe, by the speeds of both runs.
 
     Parameters
     ----------
     values : (n,) differences, or differences over their formal sigma.
-    classes : (n,) class of each place.
+    reference_step, other_step : (n,) `speed_step` of the two runs.
     stable : (n,) true where the pipe did not change.
+
+    Notes
+    -----
+    The pipe is cut into cells of equal speeds of both runs (quantiles of each). The squared `spread` of each cell is the sum of
+    one function of the speed per run, a broken line in the logarithm of the speed (non-negative least squares, weighted by the
+    number of places). Where the speeds are not known the whole is shared evenly.
     """
+    some = slice(None, None, max(values.size // _SAMPLE, 1))
+    values, reference_step, other_step, stable = (part[some] for part in (values, reference_step, other_step, stable))
     good = stable & np.isfinite(values)
     whole = spread(values[good])
+    if not np.isfinite(whole):
+        nothing = np.full(SPEEDS + 1, np.nan)
+        return SpeedNoise(nothing, nothing, {-1: whole})
+    steps = reference_step[good], other_step[good]
+    first, second = (whole**2 * table for table in _tables(*steps, values[good] / whole))
     floors = {-1: whole}
-    out = np.full(values.shape, whole)
-    for number in np.unique(classes[good]) if good.any() else ():
-        chosen = good & (classes == number)
-        if number >= 0 and chosen.sum() > max(_LEAST_SHARE * good.sum(), 50):
-            floors[int(number)] = spread(values[chosen])
-            out[classes == number] = floors[int(number)]
-    return out, floors
+    for number in np.unique(_CLASS_OF[np.concatenate(steps)]):
+        own = np.flatnonzero(number == _CLASS_OF)
+        if number >= 0 and min(np.isin(part, own).sum() for part in steps) > max(_LEAST_SHARE * good.sum(), 50):
+            middle = own[own.size // 2]
+            floors[int(number)] = float(np.sqrt(first[middle] + second[middle]))
+    return SpeedNoise(first, second, floors)
+
+
+def _tables(a: Floats, b: Floats, v: Floats) -> tuple[Floats, Floats]:
+    """Variance at every speed step of each run, the whole being one."""
+    cells = [(_cells_of(part), part) for part in (a, b)]
+    hats = [_hats(part) for part in (a, b)]
+    number = cells[0][0] * (_CELLS + 1) + cells[1][0]
+    rows, right = [], []
+    for cell in np.unique(number):
+        chosen = number == cell
+        square = spread(v[chosen]) ** 2
+        if np.isfinite(square) and square > 0:
+            row = np.concatenate([hats[k][part[chosen]].mean(axis=0) for k, part in enumerate((a, b))])
+            rows.append(np.sqrt(chosen.sum()) * row / square)
+            right.append(np.sqrt(chosen.sum()))
+    size = hats[0].shape[1] + hats[1].shape[1]
+    for k in range(size):  # what the cells leave open is shared evenly
+        rows.append(_LEAN * np.sqrt(v.size) * np.eye(size)[k])
+        right.append(_LEAN * np.sqrt(v.size) * 0.5)
+    solution, _ = nnls(np.array(rows), np.array(right))
+    split = hats[0].shape[1]
+    return hats[0] @ solution[:split], hats[1] @ solution[split:]
+
+
+def _cells_of(step: Floats) -> Floats:
+    """Number of the quantile cell of each speed, `_CELLS` where it is not known."""
+    known = step < SPEEDS
+    edges = np.unique(np.quantile(step[known], np.linspace(0, 1, _CELLS + 1)[1:-1])) if known.any() else np.array([])
+    return np.where(known, np.searchsorted(edges, step, side="right"), _CELLS)
+
+
+def _hats(step: Floats) -> Floats:
+    """Broken-line functions of the speed step, (SPEEDS + 1, knots); an unknown speed takes their mean over the run."""
+    known = step[step < SPEEDS].astype(float)
+    if not known.size:
+        return np.ones((SPEEDS + 1, 1))
+    low, high = np.quantile(known, [0.02, 0.98])
+    knots = np.linspace(low, high, max(int((high - low) / _KNOT_STEPS), 0) + 1) if high > low else np.array([low])
+    at = np.clip(np.arange(SPEEDS), knots[0], knots[-1])
+    hats = np.column_stack([np.interp(at, knots, row) for row in np.eye(knots.size)])
+    return np.vstack([hats, hats[known.astype(int)].mean(axis=0)])
 
 
 def bend_terms(change: Floats, base: Floats, curvature: Floats, slope: Floats, stable: Floats) -> tuple[float, float]:
@@ -94,7 +223,7 @@ def bend_terms(change: Floats, base: Floats, curvature: Floats, slope: Floats, s
             cell = inside & (steep >= flat) & (steep <= sharp)
             if cell.sum() < 8:
                 continue
-            robust = 1.4826022185056018**2 * np.median(change[bent][cell] ** 2) - np.median(base[bent][cell] ** 2)
+            robust = MAD_TO_SIGMA**2 * np.median(change[bent][cell] ** 2) - np.median(base[bent][cell] ** 2)
             worth = np.sqrt(cell.sum()) / max(np.median(square[cell] + base[bent][cell] ** 2), 1e-18)
             rows.append(worth * np.array([np.median(size[cell] ** 2), np.median(steep[cell] ** 2)]))
             right.append(worth * max(robust, 0.0))
@@ -107,6 +236,3 @@ def bend_terms(change: Floats, base: Floats, curvature: Floats, slope: Floats, s
 def _quantile_cells(values: Floats) -> list[tuple[float, float]]:
     edges = np.quantile(values, [0.0, 0.25, 0.5, 0.75, 1.0]) if values.size else np.array([])
     return list(pairwise(edges))
-
-
-__all__ = ["SPEED_EDGES", "bend_terms", "class_name", "floor_by_class", "robust_sigma", "speed_class", "spread"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,16 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deform.change import _kernels, zones
+from deform.change.bridge import Bridges
 from deform.change.curvature_change import CurvatureChange, curvature_change
 from deform.change.datum import Datum, drift_model, fit_drift
-from deform.change.noise_floor import floor_by_class, speed_class, spread
-from deform.change.position_change import along_pipe, along_pipe_sigma, raw_difference
+from deform.change.intervals import between, clear_of, inside
+from deform.change.joint_change import Elongation
+from deform.change.noise_floor import speed_noise, speed_step, spread
+from deform.change.position_change import displacement_on, finer, noise_about_datum, raw_difference
 from deform.change.stack import Layer
+from deform.change.support import find_support
 from deform.change.wavelength import Signals, Waves, scan, wavelengths
+from deform.geometry.resample import robust_sigma
 from deform.options import ChangeOptions
 
 Floats = NDArray[Any]
-_ROUNDS = 6  # of search and exclusion; two suffice unless zones lie in each other's flanks
+_ROUNDS = 40  # of search and exclusion, at most; most lines need two to four
+_ABSORBED = 0.1  # of the evidence of a zone: what remains at its ends with less is its own faint end
+_MERGE = 4.0  # sigma by which the pipe between two zones must lie apart from the datum outside both
+_WIDEST_MERGE = 600.0  # m
 
 
 @dataclass(frozen=True)
@@ -33,7 +40,7 @@ class PairChange:
     the pipe serves as datum. candidates : stretches that changed. place, signals, waves : the scan axis (m), what was
     searched on it, the amplitudes of each wavelength after the zones were taken out. drift : (m, 3) what was taken for drift
     of the runs, on the scan axis. floors : noise floor by quantity and speed class. limit : threshold on twice the log
-    likelihood ratio. remarks : what the pair cannot tell, in words.
+    likelihood ratio.
     """
 
     run: str
@@ -51,7 +58,25 @@ class PairChange:
     drift: Floats | None
     floors: dict[str, dict[int, float]]
     limit: float
-    remarks: list[str] = field(default_factory=list)
+    days: tuple[float, float] = (float("nan"), float("nan"))
+    elongation: Elongation | None = None
+    step: float = 1.0
+    colour: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def sign(self) -> float:
+        """1, or -1 when the run is older than the reference: what changed since then is the other way round."""
+        return -1.0 if self.days[1] < self.days[0] else 1.0
+
+    @property
+    def earlier(self) -> tuple[str, float]:
+        """Name and day of the earlier of the two runs."""
+        return (self.reference, self.days[0]) if self.sign > 0 else (self.run, self.days[1])
+
+    @property
+    def later(self) -> tuple[str, float]:
+        """Name and day of the later of the two runs."""
+        return (self.run, self.days[1]) if self.sign > 0 else (self.reference, self.days[0])
 
 
 def pair_change(*args, **kwargs) -> PairChange:
@@ -71,7 +96,7 @@ class PairSearch:
     axes : tangent, right, lift of the reference pipe, each (n, 3).
     options : thresholds and wavelengths.
     edits : stretches that were replaced between the two runs; nothing is said about them.
-    elongation : gives the elongation of the joints of a stretch of the reference chainage, and its sigma (m).
+    elongation : of the joints of a stretch of the reference chainage, where both runs know their welds.
     """
 
     def __init__(
@@ -82,14 +107,14 @@ class PairSearch:
         axes: tuple[Floats, Floats, Floats],
         options: ChangeOptions,
         edits: tuple[tuple[float, float], ...] = (),
-        elongation: Callable[[float, float], tuple[float, float]] | None = None,
+        elongation: Elongation | None = None,
     ):
         difference = raw_difference(reference, other)
-        classes = speed_class(other.values.get("speed"), axis.size)
-        usable = other.valid & reference.valid & ~_inside(axis, edits, options.edit_margin_m)
+        usable = other.valid & reference.valid & ~inside(axis, edits, options.edit_margin_m)
         self.elongation = elongation
         self.reference, self.other, self.axis, self.options = reference, other, axis, options
-        self.axes, self.difference, self.classes, self.usable = axes, difference, classes, usable
+        self.axes, self.difference, self.usable = axes, difference, usable
+        self.speeds = speed_step(reference.values.get("speed"), axis.size), speed_step(other.values.get("speed"), axis.size)
         self.step = float(axis[1] - axis[0])
         self.size = max(round(options.scan_step_m / self.step), 1)
         self.place = _scan_axis(axis, self.size)
@@ -100,48 +125,41 @@ class PairSearch:
         self.limit = zones.threshold(self.lengths, options.false_alarms_per_100_km, elongation is not None)
         self.found: list[zones.Candidate] = []
         self.excluded: list[tuple[float, float]] = []
+        self.spent: list[zones.Candidate] = []
         self.stable = usable.copy()
         self.curvature: dict[str, CurvatureChange] = {}
         self.datum: Datum | None = None
         self.signals: Signals | None = None
         self.waves: list[Waves] = []
-        self.remarks: list[str] = []
         self.has_position = bool(np.isfinite(self.scan_difference).any())
 
     def run(self) -> None:
-        """Search until a round finds nothing more."""
-        for number in range(_ROUNDS):
-            self._changes_of_curvature()
+        """Search until a round finds nothing more, then hold what was found against the noise of the pipe that is left."""
+        for _ in range(_ROUNDS):
+            self._settle()
             if not (self.has_position or self.curvature):
                 return
-            self._fit()
-            self.signals = self._signals()
-            if self.model is None:
-                return
-            self.waves = scan(self.signals, self.model, self.lengths, self.scan_usable & ~_inside(self.place, self.excluded, 0.0))
-            new = zones.peaks(self.waves, self.limit, self.excluded, self.elongation)
-            if not new and number > 0:
-                return
-            if new:
-                self._take(new)
+            self._scan()
+            new = zones.peaks(self.waves, self.limit, self.excluded, self.spent, self.elongation)
+            if not new or not self._take(new):
+                break
+        self._verify()
+        self._join()
 
     def keep_clear(self, stretches: list[tuple[float, float]]) -> None:
         """Take stretches that moved in another run out of the datum of this one as well, and fit it anew."""
         own = len(self.excluded)
         self.excluded += [(a, b) for a, b in stretches if not any(c <= a and b <= d for c, d in self.excluded)]
-        if len(self.excluded) == own:
-            return
-        self.stable = self.usable & ~_inside(self.axis, self.excluded, 0.0)
-        if self.curvature or self.has_position:
-            self._changes_of_curvature()
-            self._fit()
-            self._measure()
+        if len(self.excluded) > own and (self.curvature or self.has_position):
+            self._settle()
 
     def finish(self) -> PairChange:
         """Return the change with its sigma on the datum as it stands."""
         displacement, sigma, floors = self._displacement()
-        ovality, ovality_sigma = _ovality(self.reference, self.other, self.classes, self.stable, floors)
-        floors |= {f"bending strain {name}": _strain_floor(c, self.other) for name, c in self.curvature.items()}
+        ovality, ovality_sigma = self._ovality(floors)
+        half = self.other.outside_diameter / 2.0
+        for name, change in self.curvature.items():
+            floors[f"bending strain {name}"] = {k: v * half for k, v in change.floors.items()}
         return PairChange(
             run=self.other.run,
             reference=self.reference.run,
@@ -158,164 +176,185 @@ class PairSearch:
             drift=self.datum.drift if self.datum else None,
             floors=floors,
             limit=self.limit,
-            remarks=self.remarks,
+            days=(self.reference.date, self.other.date),
+            elongation=self.elongation,
+            step=self.step,
+            colour=dict(zip(("horizontal", "vertical"), self._colour(), strict=True)),
         )
 
-    def _displacement(self):
+    def _displacement(self) -> tuple[Floats | None, Floats | None, dict[str, dict[int, float]]]:
         """Displacement (n, 5), its sigma, and the noise floors."""
         if not self.has_position or self.datum is None:
             return None, None, {}
-        drift = _finer(self.axis, self.place, self.datum.drift)
-        moved = np.where(self.other.valid[:, None], self.difference - drift, np.nan)
-        lateral, axial = along_pipe(moved, self.axes[0], self.axes[1])
-        noise, floors = [], {}
-        for name, values in (("lateral", lateral), ("up", moved[:, 2]), ("axial", axial)):
-            floor, floors[f"displacement {name}"] = floor_by_class(values, self.classes, self.stable)
-            noise.append(floor)
-        sigma = self._east_north_up(*noise)  # on the datum pipe the floor holds the scatter of the datum already
-        gone = ~self.stable
-        bridged = np.sqrt(sigma**2 + _finer(self.axis, self.place, self.datum.variance)) * self._bridge_factor(noise)
-        sigma[gone] = bridged[gone]
-        across, along = along_pipe_sigma(sigma, self.axes[0], self.axes[1])
-        return np.column_stack([moved, lateral, axial]), np.column_stack([sigma, across, along]), floors
+        moved = np.where(self.other.valid[:, None], self.difference - finer(self.axis, self.place, self.datum.drift), np.nan)
+        noise = noise_about_datum(moved, self.axes, self.speeds, self.stable)
+        quiet = self.scan_usable & ~inside(self.place, self.excluded)
+        floor = np.nanmedian(noise.east_north_up, axis=0)
+        bridges = Bridges(self.place, self.scan_difference, self.scan_axes, quiet, self.model, floor)
+        return *displacement_on(self.datum, bridges, noise, self.excluded, self.axis, moved, self.axes), noise.floors
 
-    def _bridge_factor(self, noise: list[Floats]) -> Floats:
-        """By how much the datum under a zone is worse than its own variance says, east, north, up (3,); from gaps that did
-        not move.
-
-        Gaps as wide as the zones are cut into the stable pipe, the drift is fitted without them, and what it misses there is set
-        against what it claims: short noise that is not white, and drift that is no random walk, show here and nowhere else.
-        """
-        factor = np.ones(3)
-        if self.datum is None or not self.excluded:
-            return factor
-        width = float(np.clip(np.median([b - a for a, b in self.excluded]), 30.0, 300.0))
-        stable = self.scan_usable & ~_inside(self.place, self.excluded, 0.0)
-        gap = ((self.place - self.place[0]) % (4.0 * width) > 1.5 * width) & (
-            (self.place - self.place[0]) % (4.0 * width) < 2.5 * width
-        )
-        datum = fit_drift(self.place, self.scan_difference, self.scan_axes, stable & ~gap, self.model)
-        floor = self._east_north_up(*noise)[:: self.size][: self.place.size]
-        claimed = np.sqrt(floor**2 + datum.variance)
-        core = stable & gap & ((self.place - self.place[0]) % (4.0 * width) > 1.75 * width)
-        core &= (self.place - self.place[0]) % (4.0 * width) < 2.25 * width
-        for m in range(3):
-            seen = spread(((self.scan_difference - datum.drift)[:, m] / claimed[:, m])[core])
-            factor[m] = max(seen, 1.0) if np.isfinite(seen) else 1.0
-        return factor
-
-    def _east_north_up(self, lateral, up, axial) -> Floats:
-        """Sigma of east, north, up from those along the pipe's axes."""
-        tangent = self.axes[0]
-        level = np.maximum(np.hypot(tangent[:, 0], tangent[:, 1]), 1e-9)
-        sine2 = (tangent[:, 0] / level) ** 2
-        east = np.sqrt(axial**2 * sine2 + lateral**2 * (1.0 - sine2))
-        north = np.sqrt(axial**2 * (1.0 - sine2) + lateral**2 * sine2)
-        return np.column_stack([east, north, np.broadcast_to(up, east.shape)])
+    def _ovality(self, floors: dict[str, dict[int, float]]) -> tuple[Floats | None, Floats | None]:
+        if not (self.reference.has("ovality") and self.other.has("ovality")):
+            return None, None
+        change = self.other.values["ovality"] - self.reference.values["ovality"]
+        runs = self.reference, self.other
+        formal = np.hypot(*(run.values.get("ovality_sigma", np.ones_like(change)) for run in runs))
+        floors["ovality"] = speed_noise(change, *self.speeds, self.stable).floors
+        return change, speed_noise(change / formal, *self.speeds, self.stable).at(*self.speeds) * formal
 
     def _coarse(self, values: Floats) -> Floats:
         out = np.empty((self.place.size, values.shape[1]))
         _kernels.block_means(np.ascontiguousarray(values), self.size, out)
         return out
 
-    def _changes_of_curvature(self) -> None:
+    def _settle(self) -> None:
+        """Changes of curvature, and the drift of the two runs, with what is excluded out of both."""
+        self.stable = self.usable & ~inside(self.axis, self.excluded)
         for name in ("horizontal", "vertical"):
-            change = curvature_change(self.reference, self.other, name, self.step, self.classes, self.stable)
+            change = curvature_change(self.reference, self.other, name, self.step, self.speeds, self.stable)
             if change is not None:
                 self.curvature[name] = change
-
-    def _fit(self) -> None:
-        stable = self.scan_usable & ~_inside(self.place, self.excluded, 0.0)
-        tangent, right, lift = self.scan_axes
+        stable = self.scan_usable & ~inside(self.place, self.excluded)
         step = float(self.place[1] - self.place[0])
-        self.model = drift_model(self.scan_difference, tangent, right, lift, step, stable)
+        self.model = drift_model(self.scan_difference, *self.scan_axes, step, stable)
         if self.has_position:
             self.datum = fit_drift(self.place, self.scan_difference, self.scan_axes, stable, self.model)
+
+    def _scan(self, *, tails: bool = False) -> None:
+        self.signals = self._signals()
+        quiet = self.scan_usable & ~inside(self.place, self.excluded)
+        self.waves = scan(self.signals, self.model, self.lengths, quiet, reach=np.sqrt(self.limit), tails=tails)
 
     def _signals(self) -> Signals:
         """Differences for the search; where nothing is known, or a zone is explained already, the drift stands in."""
         difference = self.scan_difference
         if self.datum is not None:
-            gone = _inside(self.place, self.excluded, 0.0) | ~np.isfinite(difference).all(axis=1)
-            difference = np.where((gone & _between(~gone))[:, None], self.datum.drift, difference)
+            gone = inside(self.place, self.excluded) | ~np.isfinite(difference).all(axis=1)
+            difference = np.where((gone & between(~gone))[:, None], self.datum.drift, difference)
         blank = np.full(self.axis.size, np.nan)
         parts = [self.curvature.get(name) for name in ("horizontal", "vertical")]
-        ok = self.usable & ~_inside(self.axis, self.excluded, 0.0)
+        ok = self.usable & ~inside(self.axis, self.excluded)
         change = self._coarse(np.column_stack([np.where(ok, c.change, np.nan) if c else blank for c in parts]))
         sigma = self._coarse(np.column_stack([np.where(ok, c.sigma, np.nan) if c else blank for c in parts]))
         _, right, lift = self.scan_axes
         return Signals(self.place, difference, right, lift, change, sigma, self.other.gauge_length)
 
-    def _take(self, new: list[zones.Candidate]) -> None:
-        """Take candidates out of the datum, first wide, then with the extent that the displacement shows without them."""
-        self.found += new
-        self.excluded = [_clear_of(c, self.options.zone_margin_m, 0.75) for c in self.found]
-        for _ in range(2):
-            self._fit()
-            self._measure()
-            self.excluded = [_clear_of(c, self.options.zone_margin_m, 0.6) for c in self.found]
-        self.stable = self.usable & ~_inside(self.axis, self.excluded, 0.0)
+    def _take(self, new: list[zones.Candidate]) -> bool:
+        """Give candidates their extent and take them out of the datum; false when none of them is new after all."""
+        signals = self.signals
+        assert signals is not None
+        white = np.sqrt(np.nan_to_num(signals.gauge_length, nan=2.0) / signals.step)
+        change, noise = signals.curvature.copy(), signals.curvature_sigma * self._colour() * white
+        taken = 0
+        for c in new:
+            if any(a < c.centre < b for a, b in self.excluded[-taken:] if taken):
+                continue
+            support = find_support(self.place, change, noise, c.centre - 0.25 * c.length, c.centre + 0.25 * c.length)
+            if support is not None and support.worth > 0:
+                c = replace(
+                    c, **{k: getattr(support, k) for k in ("start", "end", "start_sigma", "end_sigma", "evidence", "closed")}
+                )
+            else:
+                c = self._by_displacement(c)
+            if self._absorb(c):
+                self.spent.append(c)
+            else:
+                self.found.append(c)
+            self.excluded.append(clear_of(c, self.options.zone_margin_m))
+            change[inside(self.place, self.excluded[-1:])] = np.nan
+            taken += 1
+        return taken > 0
 
-    def _measure(self) -> None:
-        """Give every candidate the extent that the displacement shows on the datum as it stands."""
-        size, sigma = self._size()
-        for k, c in enumerate(self.found):
-            start, end, _ = zones.extent(self.place, size, sigma, c)
-            self.found[k] = replace(c, start=start, end=end)
+    def _colour(self) -> Floats:
+        """Scatter of means of curvature over some eight metres against what its sigma says for white noise over the gauge."""
+        signals = self.signals
+        if signals is None:
+            return np.ones(2)
+        z = signals.curvature / signals.curvature_sigma
+        size, gauge = max(round(8.0 / signals.step), 1), signals.gauge_length if np.isfinite(signals.gauge_length) else 2.0
+        count = z.shape[0] // size
+        if count < 8:
+            return np.ones(2)
+        means = z[: count * size].reshape(count, size, 2).mean(axis=1) * np.sqrt(size * signals.step / gauge)
+        found = np.array([robust_sigma(np.concatenate([means[:, m], -means[:, m]])) for m in range(2)])
+        return np.where(np.isfinite(found), np.maximum(found, 0.3), 1.0)
 
-    def _size(self) -> tuple[Floats, Floats]:
-        """Size of the displacement across the pipe, averaged over five metres, and its sigma."""
+    def _absorb(self, c: zones.Candidate) -> bool:
+        """True for what remains at the ends of a zone that is known; the zone is led on over it when curvature shows it."""
+        for k, known in enumerate(self.found):
+            gap = max(c.start - known.end, known.start - c.end)
+            if gap > self.options.zone_margin_m + 3.0 * max(known.start_sigma, known.end_sigma):
+                continue
+            if c.evidence >= _ABSORBED * known.evidence and known.evidence > 0:
+                continue
+            if c.evidence > 0 and c.start < known.start:
+                known = replace(known, start=c.start, start_sigma=float(np.hypot(c.start_sigma, known.start_sigma)))
+            if c.evidence > 0 and c.end > known.end:
+                known = replace(known, end=c.end, end_sigma=float(np.hypot(c.end_sigma, known.end_sigma)))
+            self.found[k] = known
+            return True
+        return False
+
+    def _by_displacement(self, c: zones.Candidate) -> zones.Candidate:
+        """A candidate that curvature does not show, with the extent that the displacement shows."""
         if self.datum is None:
-            zero = np.zeros(self.place.size)
-            return zero, np.ones(self.place.size)
-        moved = self.scan_difference - self.datum.drift
+            return c
+        stable = self.scan_usable & ~inside(
+            self.place, [*self.excluded, (c.centre - 0.75 * c.length, c.centre + 0.75 * c.length)]
+        )
+        datum = fit_drift(self.place, self.scan_difference, self.scan_axes, stable, self.model)
+        size, sigma = self._size(datum, stable)
+        start, end, _ = zones.extent(self.place, size, sigma, c)
+        return replace(c, start=start, end=end)
+
+    def _size(self, datum: Datum, quiet: Floats) -> tuple[Floats, Floats]:
+        """Size of the displacement across the pipe, averaged over five metres, and its sigma."""
+        moved = self.scan_difference - datum.drift
         right = self.scan_axes[1]
         lateral = np.einsum("ij,ij->i", moved, right) / np.maximum(np.linalg.norm(right, axis=1), 1e-9)
         size = _smooth(np.hypot(lateral, moved[:, 2]), max(round(5.0 / (self.place[1] - self.place[0])), 1))
-        quiet = self.scan_usable & ~_inside(self.place, self.excluded, 0.0)
-        floor, _ = floor_by_class(size, np.full(size.size, -1), quiet)
-        return size, np.sqrt(floor**2 + self.datum.variance[:, :3].max(axis=1))
+        floor = spread(size[quiet])
+        return size, np.sqrt((floor if np.isfinite(floor) else 0.0) ** 2 + datum.variance[:, :3].max(axis=1))
 
+    def _verify(self) -> None:
+        """Drop what does not stand out of the tails of the noise, which are known once all that moved is out of them."""
+        if not self.found:
+            return
+        self._settle()
+        self._scan(tails=True)
+        held = [zones.against(c, self.waves) for c in self.found]
+        kept = [c for c in held if c.statistic + c.joint_score > self.limit]
+        if len(kept) < len(held):
+            self.excluded = [clear_of(c, self.options.zone_margin_m) for c in kept]
+        self.found = kept
 
-def _strain_floor(change: CurvatureChange, other: Layer) -> dict[int, float]:
-    return {k: v * other.outside_diameter / 2.0 for k, v in change.floors.items()}
+    def _join(self) -> None:
+        """Make one zone of two when the pipe between them lies apart from the datum outside both."""
+        self.found.sort(key=lambda c: c.start)
+        k = 0
+        while self.has_position and k + 1 < len(self.found):
+            first, second = self.found[k], self.found[k + 1]
+            if second.start - first.end < _WIDEST_MERGE and self._between_moved(first, second):
+                both = max(first, second, key=lambda c: c.statistic)
+                self.found[k : k + 2] = [
+                    replace(both, start=first.start, start_sigma=first.start_sigma, end=second.end, end_sigma=second.end_sigma)
+                ]
+            else:
+                k += 1
+        self.excluded = [clear_of(c, self.options.zone_margin_m) for c in self.found]
+        self._settle()
+        self._scan(tails=True)
 
-
-def _ovality(reference: Layer, other: Layer, classes: Floats, stable: Floats, floors: dict):
-    if not (reference.has("ovality") and other.has("ovality")):
-        return None, None
-    change = other.values["ovality"] - reference.values["ovality"]
-    formal = np.hypot(*(run.values.get("ovality_sigma", np.ones_like(change)) for run in (reference, other)))
-    factor, _ = floor_by_class(change / formal, classes, stable)
-    floors["ovality"] = floor_by_class(change, classes, stable)[1]
-    return change, factor * formal
-
-
-def _finer(axis: Floats, place: Floats, values: Floats) -> Floats:
-    """Values of the scan axis on the reference chainage, column by column."""
-    return np.column_stack([np.interp(axis, place, column) for column in values.T])
-
-
-def _clear_of(c: zones.Candidate, margin: float, share: float) -> tuple[float, float]:
-    """Stretch that carries no datum: the wave's own share of wavelengths, and the extent with a margin for its faint ends."""
-    margin = max(margin, 0.15 * (c.end - c.start))
-    return min(c.start - margin, c.centre - share * c.length), max(c.end + margin, c.centre + share * c.length)
-
-
-def _inside(place: Floats, spans, margin: float) -> Floats:
-    inside = np.zeros(place.size, bool)
-    for start, end in spans:
-        inside |= (place >= start - margin) & (place <= end + margin)
-    return inside
-
-
-def _between(known: Floats) -> Floats:
-    """True from the first to the last known place."""
-    out = np.zeros(known.size, bool)
-    at = np.flatnonzero(known)
-    if at.size:
-        out[at[0] : at[-1] + 1] = True
-    return out
+    def _between_moved(self, first: zones.Candidate, second: zones.Candidate) -> bool:
+        gap = (self.place > first.end) & (self.place < second.start) & self.scan_usable
+        if not gap.any():
+            return False
+        whole = (clear_of(first, 0.0)[0], clear_of(second, 0.0)[1])
+        stable = self.scan_usable & ~inside(self.place, [*self.excluded, whole])
+        datum = fit_drift(self.place, self.scan_difference, self.scan_axes, stable, self.model)
+        size, sigma = self._size(datum, stable)
+        known = np.isfinite(size) & gap
+        return bool(known.any() and np.median(size[known] / sigma[known]) > _MERGE)
 
 
 def _scan_axis(axis: Floats, size: int) -> Floats:

@@ -12,12 +12,14 @@ from scipy.signal import fftconvolve
 
 from deform.change import _kernels
 from deform.change.datum import DriftModel
+from deform.change.noise_floor import few_looks_factor, tail_factor
 from deform.geometry.resample import robust_sigma
 
 Floats = NDArray[Any]
 COMPONENTS = ("lateral", "up")
 _FLANK = 1.0  # of a wavelength: pipe on either side that serves as the local datum
 _TAPS = 32  # nodes over one wavelength, at most
+_LOOKS = 3.0  # independent amplitudes per wavelength of pipe
 _WIDEST = 0.5  # of the line: longer waves are no longer told from the drift of the runs
 
 
@@ -32,6 +34,8 @@ class Waves:
     amplitude : (m, 2) best estimate of A, lateral and up (m).
     sigma : (m, 2) its standard deviation.
     position, curvature : (m, 2) the parts from position and from curvature alone, each with `_sigma`.
+    typical : (2,) sigma over quiet pipe (m). caution : (2,) factor on the threshold of each component: its noise is known from
+        few places, and its tails are wider than normal.
     """
 
     length: float
@@ -42,12 +46,16 @@ class Waves:
     position_sigma: Floats
     curvature: Floats
     curvature_sigma: Floats
+    typical: Floats
+    caution: Floats
 
     @property
     def statistic(self) -> Floats:
-        """Twice the log likelihood ratio of a movement against none, lateral and up together: chi-square with 2 degrees."""
+        """Twice the log likelihood ratio of a movement against none, lateral and up together: chi-square with 2 degrees in the
+        tails, where it is held against a threshold.
+        """
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.nansum(np.where(self.sigma > 0, self.amplitude / self.sigma, np.nan) ** 2, axis=1)
+            return np.nansum(np.where(self.sigma > 0, self.amplitude / (self.caution * self.sigma), np.nan) ** 2, axis=1)
 
 
 def wavelengths(shortest: float, longest: float, line_length: float) -> Floats:
@@ -131,7 +139,7 @@ class Signals:
         return float(self.place[1] - self.place[0])
 
 
-def scan(signals: Signals, model: DriftModel, lengths: Floats, quiet: Floats) -> list[Waves]:
+def scan(signals: Signals, model: DriftModel, lengths: Floats, quiet: Floats, *, reach: float, tails: bool) -> list[Waves]:
     """Return the amplitude of a movement of every wavelength at every place.
 
     Parameters
@@ -140,17 +148,20 @@ def scan(signals: Signals, model: DriftModel, lengths: Floats, quiet: Floats) ->
     model : statistics of the drift between the runs.
     lengths : wavelengths (m).
     quiet : (n,) true where the pipe may serve for the noise floor.
+    reach : how far out the threshold lies (sigma).
+    tails : raise the threshold where the tails of the noise are wider than normal. While movements are still in the quiet pipe
+        they are its tails, and would hide themselves: leave it out then.
 
     Notes
     -----
     Position and curvature are combined by their variances. No variance is that of a model: each is the robust spread (1.4826
-    MAD) of the amplitudes themselves over the quiet pipe of this pair, and that of the combination is taken from the combination,
-    widened where few independent places carry it: position and curvature come from one inertial unit, and share errors.
+    MAD) of the amplitudes themselves over the quiet pipe of this pair, and that of the combination is taken from the combination:
+    position and curvature come from one inertial unit, and share errors.
     """
-    return [_wave(signals, model, float(length), quiet) for length in lengths]
+    return [_wave(signals, model, float(length), quiet, reach, tails) for length in lengths]
 
 
-def _wave(signals: Signals, model: DriftModel, length: float, quiet: Floats) -> Waves:
+def _wave(signals: Signals, model: DriftModel, length: float, quiet: Floats, reach: float, tails: bool) -> Waves:
     size = max(int(length / _TAPS / signals.step), 1)
     step = size * signals.step
     count = len(signals.place) // size
@@ -172,8 +183,18 @@ def _wave(signals: Signals, model: DriftModel, length: float, quiet: Floats) -> 
         total = wp + wc
         amplitude = (np.where(known_p, position, 0.0) * wp + np.where(known_c, curvature, 0.0) * wc) / total
         sigma = 1.0 / np.sqrt(total)
-        sigma = sigma * [_spread(amplitude[:, m] / sigma[:, m], free) * _widening(free, length, step) for m in range(2)]
-    return Waves(length, at, amplitude, sigma, position, position_sigma, curvature, curvature_sigma)
+        sigma = sigma * [_spread(amplitude[:, m] / sigma[:, m], free) for m in range(2)]
+        looks = _LOOKS * free.sum() * step / length
+        caution = np.full(2, few_looks_factor(looks, reach))
+        if tails:
+            caution *= [tail_factor((amplitude[:, m] / sigma[:, m])[free], looks, reach) for m in range(2)]
+    typical = np.array([_middle(sigma[free, m]) for m in range(2)])
+    return Waves(length, at, amplitude, sigma, position, position_sigma, curvature, curvature_sigma, typical, caution)
+
+
+def _middle(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else float("nan")
 
 
 def _from_position(node: Floats, model: DriftModel, length: float, step: float) -> Floats:
@@ -230,12 +251,6 @@ def _spread(values: Floats, free: Floats) -> float:
     if chosen.size < 4:
         return float("nan")
     return max(float(robust_sigma(np.concatenate([chosen, -chosen]))), 1e-12)
-
-
-def _widening(free: Floats, length: float, step: float) -> float:
-    """Factor on a spread that few independent places carry: about the upper end of its own scatter."""
-    independent = max(float(free.sum()) * step / length, 1.0)
-    return 1.0 + 1.2 / np.sqrt(2.0 * independent)
 
 
 def _near(flag: Floats, reach: int) -> Floats:

@@ -29,7 +29,11 @@ class Candidate:
     statistic : twice the log likelihood ratio.
     amplitude, sigma : (2,) lateral and up of the best wave (m).
     position_score, curvature_score : what position and curvature alone say (chi-square).
+    typical : (2,) sigma of such waves over quiet pipe as far as it was known (m).
     joint_score : what the joint lengths add, at most `JOINT_BOUND`.
+    start_sigma, end_sigma : of the extent (m).
+    evidence : what the extent explains of the curvature (chi-square), 0 when curvature does not show it.
+    closed : false for a step: what lies behind it stays displaced.
     """
 
     centre: float
@@ -41,7 +45,12 @@ class Candidate:
     sigma: Floats
     position_score: float
     curvature_score: float
+    typical: Floats
     joint_score: float = 0.0
+    start_sigma: float = 0.0
+    end_sigma: float = 0.0
+    evidence: float = 0.0
+    closed: bool = True
 
 
 def threshold(lengths: Floats, false_alarms_per_100_km: float, joints: bool = False) -> float:
@@ -61,6 +70,7 @@ def peaks(
     waves: list[Waves],
     limit: float,
     blocked: list[tuple[float, float]],
+    spent: list[Candidate],
     elongation: Callable[[float, float], tuple[float, float]] | None = None,
 ) -> list[Candidate]:
     """Return the strongest waves above a limit; one that lies in the flanks of a stronger one waits for the next round.
@@ -69,7 +79,7 @@ def peaks(
     ----------
     waves : amplitudes of every wavelength.
     limit : least statistic.
-    blocked : stretches already explained.
+    blocked : stretches already explained. spent : waves that proved to be the remains of a zone; they are not looked at again.
     elongation : gives the elongation of the joints of a stretch and its sigma (m).
     """
     bound = JOINT_BOUND if elongation else 0.0
@@ -83,11 +93,13 @@ def peaks(
         at, half = wave.place[i], 0.5 * wave.length
         if any(start < at + 0.5 * half and end > at - 0.5 * half for start, end in blocked):
             continue
+        if any(abs(at - c.centre) < 0.5 * wave.length and 0.7 < wave.length / c.length < 1.5 for c in spent):
+            continue
         if any(abs(at - c.centre) < 1.5 * max(wave.length, c.length) + 0.5 * min(wave.length, c.length) for c in found):
             continue
         extra = _joint_score(elongation, at - half, at + half)
         if top + extra > limit:
-            found.append(replace(_candidate(top + extra, wave, i), joint_score=extra))
+            found.append(replace(_candidate(top, wave, i), joint_score=extra))
     return found
 
 
@@ -114,7 +126,29 @@ def _candidate(score: float, wave: Waves, i: int) -> Candidate:
         ]
     half = 0.5 * wave.length
     at = float(wave.place[i])
-    return Candidate(at, wave.length, at - half, at + half, score, wave.amplitude[i], wave.sigma[i], alone[0], alone[1])
+    found = Candidate(
+        at, wave.length, at - half, at + half, score, wave.amplitude[i], wave.sigma[i], alone[0], alone[1], wave.typical
+    )
+    return replace(found, start_sigma=0.25 * half, end_sigma=0.25 * half)
+
+
+def against(candidate: Candidate, waves: list[Waves]) -> Candidate:
+    """Return a candidate with its statistic against the noise as it is now known."""
+    wave = min(waves, key=lambda w: abs(w.length - candidate.length))
+    ratio = wave.typical / candidate.typical
+    ratio = np.where(np.isfinite(ratio), ratio, 1.0)
+    sigma = candidate.sigma * ratio
+    with np.errstate(invalid="ignore", divide="ignore"):
+        statistic = float(np.nansum(np.where(sigma > 0, candidate.amplitude / (wave.caution * sigma), np.nan) ** 2))
+    mean = float(np.mean(ratio * wave.caution)) ** 2
+    return replace(
+        candidate,
+        statistic=statistic,
+        sigma=sigma,
+        typical=wave.typical,
+        position_score=candidate.position_score / mean,
+        curvature_score=candidate.curvature_score / mean,
+    )
 
 
 def extent(place: Floats, size: Floats, sigma: Floats, candidate: Candidate) -> tuple[float, float, bool]:

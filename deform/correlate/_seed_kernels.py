@@ -31,11 +31,12 @@ def search(x, y, starts, first, last, k, least_scale, most_scale, tolerance, mos
     for q in range(w):
         i, found = starts[q], 0
         length = x[i + k] - x[i]
+        shortest, longest = least_scale[q] * length, most_scale[q] * length
         for j in range(max(first[q], 0), min(last[q], y.size - k - 1) + 1):
-            s = (y[j + k] - y[j]) / length
-            if s < least_scale[q] or s > most_scale[q]:
+            whole = y[j + k] - y[j]
+            if whole < shortest or whole > longest:
                 continue
-            total = 0.0
+            s, total = whole / length, 0.0
             for c in range(k):
                 r = y[j + c + 1] - y[j + c] - s * (x[i + c + 1] - x[i + c])
                 if abs(r) > tolerance:

@@ -3,25 +3,37 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from deform.correlate import _kernels
-from deform.correlate.evidence import Locks, Traits, from_locks, learn
-from deform.correlate.length_model import LengthModel, first_rates, length_density, local_scale, noise, reestimate, warp
+from deform.correlate._kernel_path import CUT, REROUTE, trace_back
+from deform.correlate._kernel_sweeps import ahead, behind
+from deform.correlate._kernel_types import Band, Evidence, Lists, Rates
+from deform.correlate.evidence import Hints, Locks, Traits, from_locks, learn, over_band
+from deform.correlate.length_model import LengthModel, first_model, local_scale, reestimate, warp
 from deform.correlate.seeds import Seeds, band, find_seeds
 from deform.errors import Fault, InputError, WrongLineError
 from deform.options import MatchOptions
 
 _log = logging.getLogger(__name__)
 _FULL = 60_000  # cells up to which a whole matrix is filled when no seed is found
-_NARROW = 5  # welds on each side of the best path in which its rivals are summed
+_NARROW = 4  # welds on each side of the best path in which its rivals are summed
+_AROUND = 30  # further welds on each side where the best path touched the edge of its band
 _FIRM = 20  # welds of a stretch between two replaced ones that is no chance
 _LARGE = 20_000  # welds from which on one path is enough to learn from
-_WIDE = 120  # mean columns of a band above which the anchors contradict each other
 _ADVICE = "these are runs of two lines, or one list lacks most of its welds"
 _KEPT = 1e-3  # posterior below this is not kept
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What the posteriors of a pair were formed on: lists on one scale (B turned where it runs the other way), band, evidence."""
+
+    lists: Lists
+    strip: Band
+    evidence: Evidence
+    rates: Rates
 
 
 @dataclass(frozen=True)
@@ -37,6 +49,7 @@ class PairAlignment:
     model : noise and rates.
     evidence_nats : log of the total weight of all alignments against none at all.
     local : local scale at each weld of A.
+    frame : what the posteriors were formed on.
     """
 
     direction: int
@@ -49,6 +62,7 @@ class PairAlignment:
     model: LengthModel
     evidence_nats: float
     local: np.ndarray
+    frame: Frame = field(repr=False)
 
 
 def align(
@@ -109,47 +123,61 @@ def _starts(x, y, options, directions):
     """Directions, units and seeds to try: one where the seeds decide, all where there are none and the matrix is small."""
     for unit in (1.0, 1 / 0.3048, 0.3048):
         seeds = find_seeds(x, y / unit, options.scale_range, directions)
-        if seeds is not None and seeds.support[0] > 25.0 + seeds.support[1] and _narrow(x.size, y.size, seeds):
+        if seeds is not None and seeds.support[0] > 25.0 + seeds.support[1]:
             return [(seeds.direction, unit, seeds)]
     if x.size * y.size > _FULL:
         found = [(d, 1.0, find_seeds(x, y, options.scale_range, (d,))) for d in directions]
-        return [t for t in found if t[2] is not None and _narrow(x.size, y.size, t[2])]
+        return [t for t in found if t[2] is not None]
     return [(d, 1.0, None) for d in directions]
-
-
-def _narrow(n: int, m: int, seeds: Seeds) -> bool:
-    """False when the anchors lie so far from one diagonal that they cannot be of one line (a whole matrix stays allowed)."""
-    return band(n, m, seeds.i, seeds.j, 0).offset[-1] < max(_WIDE * n, 3 * _FULL)
 
 
 def _align_one_way(x, b, seeds: Seeds | None, options, traits, locks, direction, unit):
     n, m = x.size, b.size
-    ev = from_locks(locks, n, m)
+    locked = from_locks(locks, n, m)
     b = b - b[0]
     half = options.band_half_width
     if seeds is None:
-        warped, i, j = _by_scale_grid(x, b, options, ev)
+        warped, i, j = _by_scale_grid(x, b, options, locked)
     else:
-        i, j = seeds.i, seeds.j
-        warped = warp(x, x[i] + 1e-9, _smooth(seeds.local))
+        i, j = _with_locks(seeds.i, seeds.j, locks)
+        warped = warp(x, x[seeds.i] + 1e-9, _smooth(seeds.local))
         warped += np.median(b[j] - warped[i])
-    sigma = 0.06 if seeds is None else seeds.noise
-    model = LengthModel(first_rates(sigma=sigma), *length_density(warped, b, sigma=max(sigma, 0.01)))
-    known = i, j  # anchors that do not come from a path
+    model = first_model(0.06 if seeds is None else seeds.noise, warped, b)
+    hints = locked
     for again in (True, False):
-        partner, moves, half = _best_path(warped, b, i, j, known, half, model, ev)
+        partner, move, wider = _best_path(warped, b, i, j, half, model, hints)
         before = model.rates.sigma
-        warped, model = _learn(x, b, warped, partner, moves, model)
-        hints = learn(ev, traits[0], traits[1], partner) if traits else ev
-        steady = 0.67 < model.rates.sigma / before < 1.5 and not hints.used
-        ev = hints
-        i, j = _firm(partner, moves) if (partner >= 0).any() else (i, j)
-        half = _NARROW if seeds is not None else max(half, 12)
+        warped, model = _learn(x, b, warped, partner, move, model)
+        hints = learn(locked, traits[0], traits[1], warped, b, partner) if traits else locked
+        i, j = _firm(partner, move) if (partner >= 0).any() else (i, j)
+        half = (_NARROW if seeds is not None else max(options.band_half_width, 12)) + wider
+        steady = 0.67 < model.rates.sigma / before < 1.5 and hints is locked
         if again and steady and n > _LARGE:
             break
-    strip, both = band(n, m, i, j, half), model.lists(warped, b, *_offsets(warped, b, *known))
-    forward = _kernels.forward(both, strip, model.rates, ev)
-    match, shifted = _kernels.backward(both, strip, model.rates, ev, *forward)
+    return _posterior(x, b, warped, i, j, half, model, hints, direction, unit, locks)
+
+
+def _with_locks(i, j, locks: Locks | None):
+    """Anchors with the locked pairs among them, and without those that cross a locked pair."""
+    if locks is None or not locks.locked.size:
+        return i, j
+    at, of = locks.locked[:, 0], locks.locked[:, 1]
+    order = np.argsort(at)
+    at, of = at[order], of[order]
+    k = np.searchsorted(at, i)
+    kept = ((k == 0) | (j > of[np.maximum(k - 1, 0)])) & ((k == at.size) | (j < of[np.minimum(k, at.size - 1)]))
+    i, j = np.concatenate([i[kept], at]), np.concatenate([j[kept], of])
+    order = np.argsort(i)
+    return i[order], j[order]
+
+
+def _posterior(x, b, warped, i, j, half, model: LengthModel, hints: Hints, direction, unit, locks) -> PairAlignment:
+    """Sum over all alignments within the band about the anchors."""
+    n, m = x.size, b.size
+    strip, both = band(n, m, i, j, half), model.lists(warped, b)
+    ev = over_band(hints, strip, b)
+    total, norm, log_scale, log_total = ahead(both, strip, model.rates, ev, False)
+    match, shifted = behind(both, strip, model.rates, ev, total, norm, log_scale, log_total, False)
     kept = np.flatnonzero(match > _KEPT)
     row = np.searchsorted(strip.offset, kept, side="right") - 1
     col = strip.low[row] + kept - strip.offset[row]
@@ -163,51 +191,53 @@ def _align_one_way(x, b, seeds: Seeds | None, options, traits, locks, direction,
         scale=float(np.median(np.diff(warped) / np.diff(x))) * unit,
         i=row,
         j=col_given,
-        posterior=match[kept].astype(float),
+        posterior=match[kept],
         shifted=shifted[kept].astype(float),
         partner=decided,
         model=model,
-        evidence_nats=float(forward[3]) - (np.log(1e18) * len(locks.locked) if locks else 0.0),
+        evidence_nats=float(log_total) - (np.log(1e18) * len(locks.locked) if locks else 0.0),
         local=local,
+        frame=Frame(both, strip, ev, model.rates),
     )
 
 
-def _firm(partner, moves):
+def _firm(partner, move):
     """Pairs of the best path without the short stretches between two replaced ones, which may be chance."""
     at = np.flatnonzero(partner >= 0)
-    stretch = np.cumsum((moves[at] >= 1) & (moves[at] <= 4))
+    stretch = np.cumsum((move[at] == CUT) | (move[at] == REROUTE))
     long = np.bincount(stretch)[stretch] >= _FIRM
     at = at[long] if long.any() else at
     return at, partner[at]
 
 
-def _best_path(warped, b, i, j, known, half, model, ev):
-    """Partner and move of each weld of A on the best path.
+def _best_path(warped, b, i, j, half, model, hints):
+    """Partner and move of each weld of A on the best path, and how much wider than usual the band about it must be (n).
 
-    Where the path touches the edge of its band, the band is laid anew about the path, and wider each time.
+    Where the path touches the edge of its band, the band is laid anew about the path, and wider each time. In a long list a few
+    such places need no new sweep: the band in which the posteriors are formed is made wide there.
     """
-    lists = model.lists(warped, b, *_offsets(warped, b, *known))
+    lists = model.lists(warped, b)
     about = _NARROW
     while True:
         strip = band(warped.size, b.size, i, j, half)
-        best, back, unit = _kernels.fill(lists, strip, model.rates, ev)
-        partner, moves, _, slack = _kernels.trace_back(best, back, unit, strip, b.size)
-        if slack > 0 or half > 256 or not i.size:
-            return partner, moves, half
+        ev = over_band(hints, strip, b)
+        best, norm, log_scale, _ = ahead(lists, strip, model.rates, ev, True)
+        partner, move, slack = trace_back(lists, strip, model.rates, ev, best, norm, log_scale)
+        touched = np.flatnonzero(slack <= 0)
+        if not touched.size or np.max(half) > 256 or not i.size or touched.size * 500 < warped.size - _LARGE:
+            return partner, move, _near(touched, warped.size) * _AROUND
         i = np.flatnonzero(partner >= 0)
         j = partner[i]
         about = about + 1 if about < 16 else 2 * about
         half = about
 
 
-def _offsets(warped, b, i, j):
-    """Offset of B against A at the two anchors before and after each weld of A (n, 4), and how far it holds (n), metre."""
-    rows = np.arange(warped.size)
-    if i.size < 4:
-        return np.zeros((rows.size, 1)), np.full(rows.size, np.inf)
-    around = np.clip(np.searchsorted(i, rows, side="right")[:, None] + np.arange(-2, 2), 0, i.size - 1)
-    away = np.minimum(*(np.abs(warped - warped[i[around[:, k]]]) for k in (1, 2)))
-    return (b[j] - warped[i])[around], 3.0 + 0.002 * away
+def _near(rows: np.ndarray, n: int, reach: int = 40) -> np.ndarray:
+    """1 within so many rows of the given ones, else 0 (n)."""
+    edge = np.zeros(n + 1, np.int64)
+    np.add.at(edge, np.maximum(rows - reach, 0), 1)
+    np.add.at(edge, np.minimum(rows + reach, n), -1)
+    return np.minimum(np.cumsum(edge)[:n], 1)
 
 
 def _smooth(values: np.ndarray, half: int = 5) -> np.ndarray:
@@ -219,40 +249,34 @@ def _smooth(values: np.ndarray, half: int = 5) -> np.ndarray:
     return np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1)
 
 
-def _by_scale_grid(x, b, options, ev):
+def _by_scale_grid(x, b, options, hints):
     """Without seeds: the scale of a grid whose whole-matrix alignment weighs most."""
     n, m = x.size, b.size
     empty = np.empty(0, np.int64)
     strip = band(n, m, empty, empty, 0)
-    rates = first_rates(sigma=0.08)
-    best, kept = -np.inf, x - x[0]
-    cells = max(n * m, 1)
-    steps = int(np.clip(40_000_000 // cells, 5, 41))
+    ev = over_band(hints, strip, b)
+    best, kept, model = -np.inf, x - x[0], first_model(0.08, x - x[0], b)
+    steps = int(np.clip(40_000_000 // max(n * m, 1), 5, 41))
     for scale in 1.0 + np.linspace(-options.scale_range, options.scale_range, steps | 1):
         warped = (x - x[0]) * scale
-        model = LengthModel(rates, *length_density(warped, b, sigma=0.05))
-        weight = _kernels.forward(model.lists(warped, b), strip, rates, ev)[3]
+        weight = ahead(model.lists(warped, b), strip, model.rates, ev, False)[3]
         if weight > best:
             best, kept = weight, warped
     return kept, empty, empty
 
 
-def _learn(x, b, warped, partner, moves, model):
-    """Local scale, noise and rates anew from the best path."""
-    at = np.flatnonzero(moves == 11)
+def _learn(x, b, warped, partner, move, model: LengthModel):
+    """Local scale, noise, rates and densities anew from the best path."""
+    at = np.flatnonzero(move == 11)
     at = at[at > 0]
     if at.size < 5:
         return warped, model
     dx, dy = x[at] - x[at - 1], b[partner[at]] - b[partner[at] - 1]
-    scale = local_scale(dx, dy, x[at])
+    scale = local_scale(dx, dy)
     new = warp(x, 0.5 * (x[at] + x[at - 1]), scale)
     new += np.median(b[partner[at]] - new[at])
     residual = dy - (new[at] - new[at - 1])
-    edits = int(np.count_nonzero((moves >= 1) & (moves <= 4)))
-    sigma = noise(residual)
-    smooth = max(sigma if np.isfinite(sigma) else 0.05, 0.01)
-    density, own, floor = length_density(new, b, sigma=smooth)
-    return new, replace(reestimate(model, residual, moves, edits), density=density, own=own, floor=floor)
+    return new, reestimate(model, model.lists(new, b), residual, partner, move)
 
 
 def _check_same_line(result: PairAlignment, x, y, names, options) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from deform.correlate._kernels import BIN
+from deform.correlate._kernel_types import BIN
 from deform.correlate.length_model import LengthModel
 from deform.correlate.registry import Registry
 from deform.correlate.weld_list import WeldList
@@ -97,7 +97,7 @@ def real_columns(
     n_members = (registry.member >= 0).sum(axis=1)
     real = n_members >= 2
     rates = model.rates
-    missed, false = max(rates.missed_a, rates.missed_b, 1e-3), max(rates.false_a, rates.false_b, 1e-3)
+    missed, false = max(rates.missed_a, rates.missed_b, 1e-3), max(rates.false_a, rates.false_b, 1e-4)  # per weld, per metre
     column = 0
     while column < real.size:
         if n_members[column] != 1:
@@ -177,7 +177,7 @@ def _length_odds(own, run, group, model, missed, false, others):
     pieces, whole = np.diff(places), places[-1] - places[0]
     n = len(group)
     as_real = _log_density(model, pieces).sum() + others * n * np.log(missed)
-    as_false = _log_density(model, np.asarray([whole]))[0] + n * (np.log(false) - np.log(max(whole, 0.1))) + np.log(float(n))
+    as_false = _log_density(model, np.asarray([whole]))[0] + n * np.log(false) + np.log(float(n))
     return float(as_real - as_false)
 
 

@@ -12,8 +12,6 @@ from deform.correlate.edits import Change, History, changed_between, column_ids
 from deform.correlate.registry import Registry
 from deform.run import build
 
-_T3_SIGMA = np.sqrt(3.0) * 0.75  # what 1 scale of t3 is as a working standard deviation: its central part, not its tails
-
 
 def joint_table(history: History, ref: int, pairs: dict[tuple[int, int], PairAlignment]) -> pd.DataFrame:
     """Rows of ``tables/joints.csv``: one per physical joint, that is per two welds that follow each other in at least one run.
@@ -80,7 +78,7 @@ def _scale(pairs, lists, registry, ref, r, first):
         return 1.0, np.nan
     a = min(ref, r)
     local = np.interp(np.arange(registry.place.size), *_known(registry.member[:, a], pair.local))[first]
-    return (local if a == ref else 1.0 / local), pair.model.rates.sigma * _T3_SIGMA
+    return (local if a == ref else 1.0 / local), pair.model.length_sigma
 
 
 def _known(member, values):

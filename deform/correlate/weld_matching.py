@@ -19,6 +19,7 @@ from deform.correlate.evidence import Traits, check_locks, locks_between
 from deform.correlate.joints import joint_table
 from deform.correlate.length_model import alone
 from deform.correlate.registry import Registry, merge
+from deform.correlate.stretches import stretch_rows
 from deform.correlate.weld_list import WeldList, weld_list
 from deform.errors import Fault, InputError, WrongLineError
 from deform.options import MatchOptions
@@ -36,6 +37,7 @@ class Matching:
     maps : `ChainageMap` of each run id.
     pairs : one row per pair of runs: direction, scale, noise, drift, welds matched, evidence.
     edits : one row per edit of the line or of a list: kind, run, first and last weld, reference chainage, joints, reason.
+    stretches : one row per pair of runs and stretch of unchanged pipe: its ends, and how much it outweighs the next best.
     reference : id of the reference run.
     """
 
@@ -44,6 +46,7 @@ class Matching:
     maps: dict[str, ChainageMap]
     pairs: pd.DataFrame
     edits: pd.DataFrame
+    stretches: pd.DataFrame
     reference: str
 
 
@@ -90,7 +93,16 @@ def match_runs(
     history = History(registry, lists, own, changes, real, moved)
     welds = build.table("welds", weld_rows(history, lambda r, s: maps[lists[r].run].to_run(s), options.shift_m))
     joints = joint_table(history, ref, pairs)
-    return Matching(welds, joints, maps, _pair_table(pairs, lists), edit_table(history, welds), lists[ref].run)
+    stretches = [row for (a, b), p in pairs.items() for row in stretch_rows(p, lists[a], lists[b])]
+    return Matching(
+        welds=welds,
+        joints=joints,
+        maps=maps,
+        pairs=build.table("pairs", _pair_table(pairs, lists)),
+        edits=build.table("edits", edit_table(history, welds)),
+        stretches=build.table("stretches", pd.DataFrame(stretches)),
+        reference=lists[ref].run,
+    )
 
 
 def _reference(lists: list[WeldList], reference: str | None) -> int:
@@ -190,10 +202,14 @@ def _pair_table(pairs, lists) -> pd.DataFrame:
                 "direction": p.direction,
                 "scale": p.scale,
                 "noise_sigma_m": p.model.rates.sigma,
+                "noise_freedom": 2 ** (p.model.rates.shape + 1) - 1,
                 "drift_max_m": drift,
                 "n_a": lists[a].n,
                 "n_b": lists[b].n,
                 "n_matched": int(held.sum()),
+                "missed_a": p.model.rates.missed_a,
+                "missed_b": p.model.rates.missed_b,
+                "cut_outs": p.model.rates.cut,
                 "evidence_nats": p.evidence_nats,
             }
         )

@@ -5,48 +5,94 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-TUKEY = 4.685  # width of the biweight in sigma
-_TINY = 1e-14
-_STEP, _STEP_ROBUST = 1e-4, 1e-2  # sigma: a step below this ends the iteration
+from deform.geometry._kernels_solve import backward, biweights, cholesky, forward
+
+BLOCK = 256  # sections that share scratch
+_STEP, _STEP_ROBUST = 1e-3, 1e-2  # sigma: a step below this ends the iteration; the next one would be a hundredth of it
+_FAST = {"contract", "reassoc", "nsz", "arcp"}
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _cholesky(normal, size):
-    """Factor the lower triangle in place; False when it is not positive definite."""
-    for i in range(size):
-        for j in range(i + 1):
-            value = normal[i, j]
-            for k in range(j):
-                value -= normal[i, k] * normal[j, k]
-            if i == j:
-                if not value > _TINY:
-                    return False
-                normal[i, i] = np.sqrt(value)
+@njit(cache=True, error_model="numpy", parallel=True)
+def fit_directly(x, z, scale, values):
+    """Direct fit of each section: values (n, 5) = right, up, semi-axes (m), orientation (rad); NaN where it fails."""
+    n, arms = x.shape
+    for block in prange((n + BLOCK - 1) // BLOCK):
+        work = np.empty((5, arms))
+        normal, vectors = np.empty((5, 5)), np.empty((5, 16))
+        for i in range(block * BLOCK, min(n, (block + 1) * BLOCK)):
+            px, pz, count = x[i], z[i], arms
+            if not _complete(px, pz):
+                count = _gather(px, pz, work)
+                px, pz = work[0], work[1]
+            if _direct(px, pz, count, scale, normal, vectors):
+                _axes(vectors[0], values[i])
             else:
-                normal[i, j] = value / normal[j, j]
-    return True
+                for k in range(5):
+                    values[i, k] = np.nan
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _back(factor, right, size):
-    """Solve with a Cholesky factor in place."""
-    for i in range(size):
-        value = right[i]
-        for k in range(i):
-            value -= factor[i, k] * right[k]
-        right[i] = value / factor[i, i]
-    for i in range(size - 1, -1, -1):
-        value = right[i]
-        for k in range(i + 1, size):
-            value -= factor[k, i] * right[k]
-        right[i] = value / factor[i, i]
+@njit(cache=True, error_model="numpy", parallel=True)
+def adjust_sections(x, z, sigma, tangential, robust, circle, rounds, scale, values, covariance, residual, weights, variance):
+    """Combined (Gauss-Helmert) adjustment of each section, from its direct fit.
+
+    x, z (n, arms) m, NaN where missing; sigma, tangential: m, of a point along and across its ray from the origin; values
+    (n, 5) = right, up, semi-axes (m), orientation (rad), and their covariance (n, 5, 5) by the points' sigmas; residual
+    (n, arms) m along the ray; weights (n), their sum; variance (n) of unit weight. NaN where a section fails.
+    """
+    n, arms = x.shape
+    for block in prange((n + BLOCK - 1) // BLOCK):
+        work = np.empty((5, arms))
+        normal, vectors, turned = np.empty((5, 5)), np.empty((5, 16)), np.empty((5, 5))
+        for i in range(block * BLOCK, min(n, (block + 1) * BLOCK)):
+            px, pz, count = x[i], z[i], arms
+            if not _complete(px, pz):
+                count = _gather(px, pz, work)
+                px, pz = work[0], work[1]
+            good = _direct(px, pz, count, scale, normal, vectors)
+            if good:
+                good, weights[i], variance[i] = _adjust(
+                    px, pz, work, count, sigma, tangential, robust, circle, rounds, normal, vectors
+                )
+            else:
+                weights[i], variance[i] = float(count), np.nan
+            if good:
+                _axes(vectors[0], values[i])
+                _propagate(normal, vectors, values[i], circle, turned, covariance[i])
+                _residuals(x[i], z[i], sigma, tangential, vectors[0], residual[i])
+            else:
+                for a in range(arms):
+                    residual[i, a] = np.nan
+                for j in range(5):
+                    values[i, j] = np.nan
+                    for k in range(5):
+                        covariance[i, j, k] = np.nan
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz", "arcp"})
-def _conic_sums(x, z, arms, scale, sums):
-    """Sums of the 14 products of (x^2, xz, z^2, x, z) that the direct fit needs; true when no point is missing."""
+@njit(cache=True, error_model="numpy", fastmath=_FAST)
+def _complete(x, z):
+    """True when no point is missing."""
+    total = 0.0
+    for a in range(x.size):
+        total += x[a] + z[a]
+    return not np.isnan(total)
+
+
+@njit(cache=True, error_model="numpy")
+def _gather(x, z, work):
+    """Gather the points that are there in work[0] and work[1]; return their number."""
+    count = 0
+    for a in range(x.size):
+        if not np.isnan(x[a] + z[a]):
+            work[0, count], work[1, count] = x[a], z[a]
+            count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy", fastmath=_FAST)
+def _conic_sums(x, z, count, scale, sums):
+    """Sums of the 14 products of (x^2, xz, z^2, x, z) that the direct fit needs."""
     s40 = s31 = s22 = s13 = s04 = s30 = s21 = s12 = s03 = s20 = s11 = s02 = s10 = s01 = 0.0
-    for a in range(arms):
+    for a in range(count):
         u, v = x[a] * scale, z[a] * scale
         uu, uv, vv = u * u, u * v, v * v
         s40 += uu * uu
@@ -66,88 +112,49 @@ def _conic_sums(x, z, arms, scale, sums):
     sums[0], sums[1], sums[2], sums[3], sums[4] = s40, s31, s22, s13, s04
     sums[5], sums[6], sums[7], sums[8] = s30, s21, s12, s03
     sums[9], sums[10], sums[11], sums[12], sums[13] = s20, s11, s02, s10, s01
-    return not np.isnan(s20 + s02)
 
 
 @njit(cache=True, error_model="numpy")
-def _conic(sums, normal, right):
-    """Solve for the conic A u^2 + B uv + C v^2 + D u + E v = 1; false when it is no ellipse or singular."""
-    s = sums
+def _direct(x, z, count, scale, normal, vectors):
+    """Solve for the conic A u^2 + B uv + C v^2 + D u + E v = 1 of the first ``count`` points, and turn it into vectors[0].
+
+    vectors[0] = cx, cz, m, p, q with m (X^2 + Z^2) + p (Z^2 - X^2) + 2 q X Z = 1 about the centre. False when it is no
+    ellipse or singular.
+    """
+    if count < 5:
+        return False
+    out, right, inverse, s = vectors[0], vectors[1], vectors[2], vectors[3]
+    _conic_sums(x, z, count, scale, s)
     normal[0, 0] = s[0]
     normal[1, 0], normal[1, 1] = s[1], s[2]
     normal[2, 0], normal[2, 1], normal[2, 2] = s[2], s[3], s[4]
     normal[3, 0], normal[3, 1], normal[3, 2], normal[3, 3] = s[5], s[6], s[7], s[9]
     normal[4, 0], normal[4, 1], normal[4, 2], normal[4, 3], normal[4, 4] = s[6], s[7], s[8], s[10], s[11]
     right[0], right[1], right[2], right[3], right[4] = s[9], s[10], s[11], s[12], s[13]
-    if not _cholesky(normal, 5):
+    if not cholesky(normal, inverse, 5):
         return False
-    _back(normal, right, 5)
-    return 4.0 * right[0] * right[2] - right[1] ** 2 > 0.0
-
-
-@njit(cache=True, error_model="numpy")
-def _centred(conic, scale, out):
-    """Turn a conic of scaled points into (cx, cz, m, p, q): m (X^2 + Z^2) + p (Z^2 - X^2) + 2 q X Z = 1 about the centre."""
-    a, b, c, d, e = conic
+    forward(normal, inverse, right, 5)
+    backward(normal, inverse, right, 5)
+    a, b, c, d, e = right[0], right[1], right[2], right[3], right[4]
     determinant = 4.0 * a * c - b * b
-    cu = (b * e - 2.0 * c * d) / determinant
-    cv = (b * d - 2.0 * a * e) / determinant
-    level = 1.0 + a * cu * cu + b * cu * cv + c * cv * cv
-    factor = scale * scale / level
+    if not determinant > 0.0:
+        return False
+    over = 1.0 / determinant
+    cu, cv = (b * e - 2.0 * c * d) * over, (b * d - 2.0 * a * e) * over
+    factor = scale * scale / (1.0 + a * cu * cu + b * cu * cv + c * cv * cv)
     out[0], out[1] = cu / scale, cv / scale
     out[2], out[3], out[4] = 0.5 * (a + c) * factor, 0.5 * (c - a) * factor, 0.5 * b * factor
+    return out[2] > 0.0
 
 
-@njit(cache=True, error_model="numpy")
-def ellipse_direct(x, z, scale, out, present, work_x, work_z):
-    """Direct fit of one section after the other; out (n, 5) = cx, cz, m, p, q, NaN where it fails."""
-    n, arms = x.shape
-    sums, normal, right = np.empty(14), np.empty((5, 5)), np.empty(5)
-    for i in range(n):
-        count = arms
-        good = _conic_sums(x[i], z[i], arms, scale, sums)
-        if not good:
-            count = 0
-            for a in range(arms):
-                if not np.isnan(x[i, a] + z[i, a]):
-                    work_x[count], work_z[count] = x[i, a], z[i, a]
-                    count += 1
-            if count >= 5:
-                good = _conic_sums(work_x, work_z, count, scale, sums)
-        present[i] = count
-        if good and count >= 5 and _conic(sums, normal, right):
-            _centred(right, scale, out[i])
-        else:
-            out[i] = np.nan
-
-
-@njit(cache=True, error_model="numpy", parallel=True)
-def adjust_sections(x, z, sigma, tangential, robust, size, rounds, unknowns, covariance, residual, weight_sum, variance):
-    """Combined (Gauss-Helmert) adjustment of each section, from the starting values in ``unknowns``.
-
-    x, z (n, arms) m, NaN where missing; sigma, tangential: m, of a point along and across its ray from the origin; size: 5
-    for an ellipse, 3 for a circle, whose p and q stay; unknowns (n, 5) = cx, cz, m, p, q, updated in place; covariance
-    (n, 5, 5) by the points' sigmas; residual (n, arms) m along the ray; weight_sum (n); variance (n) of unit weight.
-    """
-    n, arms = x.shape
-    for i in prange(n):
-        weight_sum[i], variance[i] = _adjust_one(
-            x[i], z[i], arms, sigma, tangential, robust, size, rounds, unknowns[i], covariance[i], residual[i]
-        )
-        if np.isnan(variance[i]):
-            unknowns[i] = np.nan
-            covariance[i] = np.nan
-            residual[i] = np.nan
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz", "arcp"})
-def _normal_sums(x, z, weight, count, along2, across2, unknowns, miss2, normal, right):
+@njit(cache=True, error_model="numpy", fastmath=_FAST)
+def _normal_sums(x, z, weight, miss2, count, along2, across2, unknowns, normal, right):
     """Normal equations of the section at ``unknowns``; miss2 receives the squared misclosure of each point in its sigma.
 
     Per point: f, its gradient (fx, fz), its variance B C B' by the radial and the tangential part, the row A of derivatives
     by cx, cz, m, p, q. Returns the weighted sum of squares.
     """
-    cx, cz, m, p, q = unknowns
+    cx, cz, m, p, q = unknowns[0], unknowns[1], unknowns[2], unknowns[3], unknowns[4]
     n00 = n10 = n11 = n20 = n21 = n22 = n30 = n31 = n32 = n33 = n40 = n41 = n42 = n43 = n44 = 0.0
     r0 = r1 = r2 = r3 = r4 = squares = 0.0
     for a in range(count):
@@ -192,105 +199,111 @@ def _normal_sums(x, z, weight, count, along2, across2, unknowns, miss2, normal, 
 
 
 @njit(cache=True, error_model="numpy")
-def _adjust_one(x, z, arms, sigma, tangential, robust, size, rounds, unknowns, covariance, residual):
-    """Adjust one section; returns the sum of weights and the variance of unit weight (NaN when it fails)."""
-    work = np.empty((4, arms))
-    px, pz, weight, miss2 = work[0], work[1], work[2], work[3]
-    normal, right, scales = np.empty((5, 5)), np.empty(5), np.ones(5)
-    count = 0
-    for a in range(arms):
-        if not np.isnan(x[a] + z[a]):
-            px[count], pz[count], weight[count] = x[a], z[a], 1.0
-            count += 1
-    if count <= size or np.isnan(unknowns[0] + unknowns[2]):
-        return float(count), np.nan
-    weights, squares = float(count), 0.0
+def _adjust(x, z, work, count, sigma, tangential, robust, circle, rounds, normal, vectors):
+    """Iterate vectors[0] to the adjusted section; whether it stands, the sum of weights and the variance of unit weight.
+
+    Leaves in ``normal`` the Cholesky factor of the scaled normal matrix, in vectors[1] the scales, in vectors[2] the
+    reciprocal diagonal of the factor.
+    """
+    unknowns, scales, inverse, right = vectors[0], vectors[1], vectors[2], vectors[3]
+    weight, size = work[2], 3 if circle else 5
+    for a in range(count):
+        weight[a] = 1.0
+    total, squares = float(count), 0.0
+    if circle:
+        unknowns[3] = unknowns[4] = 0.0
+    if count <= size:
+        return False, total, np.nan
     for turn in range(rounds):
-        squares = _normal_sums(px, pz, weight, count, sigma * sigma, tangential * tangential, unknowns, miss2, normal, right)
-        if weights <= size:
-            return weights, np.nan
-        for k in range(size):
+        squares = _normal_sums(x, z, weight, work[3], count, sigma**2, tangential**2, unknowns, normal, right)
+        if circle:  # p and q stay: their equations become 1 * step = 0
+            for k in range(5):
+                normal[3, k] = normal[4, k] = 0.0
+            normal[3, 3] = normal[4, 4] = 1.0
+            right[3] = right[4] = 0.0
+        if total <= size:
+            return False, total, np.nan
+        for k in range(5):
             scales[k] = 1.0 / np.sqrt(max(normal[k, k], 1e-300))
-        for k in range(size):
             right[k] *= scales[k]
             for j in range(k + 1):
                 normal[k, j] *= scales[k] * scales[j]
-        if not _cholesky(normal, size):
-            return weights, np.nan
-        _back(normal, right, size)
+        if not cholesky(normal, inverse, 5):
+            return False, total, np.nan
+        forward(normal, inverse, right, 5)
+        backward(normal, inverse, right, 5)
         largest = 0.0
-        for k in range(size):
+        for k in range(5):
             unknowns[k] += right[k] * scales[k]
             largest = max(largest, abs(right[k]))
-        if unknowns[2] <= 0.0 or unknowns[3] ** 2 + unknowns[4] ** 2 >= unknowns[2] ** 2:
-            return weights, np.nan
-        if turn > 0 and largest < (_STEP_ROBUST if robust else _STEP):
+        if not (unknowns[2] > 0.0 and unknowns[3] ** 2 + unknowns[4] ** 2 < unknowns[2] ** 2):
+            return False, total, np.nan
+        if largest < (_STEP_ROBUST if robust else _STEP) and (turn > 0 or not robust):
             break
         if robust:
-            weights = _reweigh(miss2, count, weight)
-    _invert(normal, scales, size, covariance)
-    cx, cz, m, p, q = unknowns
-    for a in range(arms):
+            total = biweights(work[3], count, 1.0, weight, work[4])
+    return True, total, squares / (total - size)
+
+
+@njit(cache=True, error_model="numpy", fastmath=_FAST)
+def _residuals(x, z, sigma, tangential, unknowns, residual):
+    """Measured minus adjusted along each ray (m)."""
+    cx, cz, m, p, q = unknowns[0], unknowns[1], unknowns[2], unknowns[3], unknowns[4]
+    along2, across2 = sigma * sigma, tangential * tangential
+    for a in range(x.size):
         u, v = x[a] - cx, z[a] - cz
         fx, fz = 2.0 * ((m - p) * u + q * v), 2.0 * ((m + p) * v + q * u)
         radial, side = fx * x[a] + fz * z[a], fz * x[a] - fx * z[a]
         f = m * (u * u + v * v) + p * (v * v - u * u) + 2.0 * q * u * v - 1.0
         length = np.sqrt(x[a] * x[a] + z[a] * z[a])
-        residual[a] = (
-            f * radial * length * sigma * sigma / (radial * radial * sigma * sigma + side * side * tangential * tangential)
-        )
-    return weights, squares / (weights - size)
+        residual[a] = f * radial * length * along2 / (radial * radial * along2 + side * side * across2)
 
 
 @njit(cache=True, error_model="numpy")
-def _reweigh(miss2, count, weight):
-    """Biweights of the misclosures, the scale no smaller than the stated sigma; returns their sum."""
-    ordered = np.sort(miss2[:count])
-    width2 = TUKEY**2 * max(1.0, 2.198 * ordered[count // 2])
-    total = 0.0
-    for a in range(count):
-        part = miss2[a] / width2
-        weight[a] = (1.0 - part) ** 2 if part < 1.0 else 0.0
-        total += weight[a]
-    return total
+def _axes(unknowns, values):
+    """Turn cx, cz, m, p, q into right, up, semi-major, semi-minor (m) and orientation (rad, in 0 .. pi)."""
+    m, p, q = unknowns[2], unknowns[3], unknowns[4]
+    length = np.sqrt(p * p + q * q)
+    values[0], values[1] = unknowns[0], unknowns[1]
+    values[2], values[3] = 1.0 / np.sqrt(m - length), 1.0 / np.sqrt(m + length)
+    turn = 0.5 * np.arctan2(-q, -p)
+    values[4] = turn + np.pi if turn < 0.0 else turn
 
 
 @njit(cache=True, error_model="numpy")
-def _invert(factor, scales, size, covariance):
-    """Inverse of the normal matrix from its scaled Cholesky factor."""
-    column = np.empty(5)
-    covariance[:, :] = 0.0
-    for k in range(size):
-        column[:] = 0.0
-        column[k] = 1.0
-        _back(factor, column, size)
-        for j in range(size):
-            covariance[j, k] = column[j] * scales[j] * scales[k]
+def _propagate(factor, vectors, values, circle, turned, covariance):
+    """Covariance of right, up, axes and orientation: J N^-1 J' = Y' Y with Y = L^-1 S J', S the scales of the normal matrix.
 
-
-@njit(cache=True, error_model="numpy")
-def propagate_axes(major, minor, cos, sin, length, circle, covariance):
-    """Turn the covariance of cx, cz, m, p, q into that of right, up, semi_major, semi_minor, orientation, in place."""
-    jacobian, part = np.zeros((5, 5)), np.empty((5, 5))
-    jacobian[0, 0] = jacobian[1, 1] = 1.0
-    for i in range(major.size):
-        a3, b3 = 0.5 * major[i] ** 3, 0.5 * minor[i] ** 3
-        jacobian[2, 2], jacobian[3, 2] = -a3, -b3
-        if not circle:
-            noise = np.sqrt(0.5 * (covariance[i, 3, 3] + covariance[i, 4, 4]))
-            turn = 0.5 / max(length[i], noise)
-            jacobian[2, 3], jacobian[2, 4] = a3 * cos[i], a3 * sin[i]
-            jacobian[3, 3], jacobian[3, 4] = -b3 * cos[i], -b3 * sin[i]
-            jacobian[4, 3], jacobian[4, 4] = -turn * sin[i], turn * cos[i]
-        for j in range(5):
-            for k in range(5):
-                value = 0.0
-                for m in range(5):
-                    value += jacobian[j, m] * covariance[i, m, k]
-                part[j, k] = value
-        for j in range(5):
-            for k in range(5):
-                value = 0.0
-                for m in range(5):
-                    value += part[j, m] * jacobian[k, m]
-                covariance[i, j, k] = value
+    Where the section is round within its noise the direction is bounded by that noise.
+    """
+    unknowns, scales, inverse, right = vectors[0], vectors[1], vectors[2], vectors[3]
+    p, q = unknowns[3], unknowns[4]
+    length = np.sqrt(p * p + q * q)
+    cos, sin = (p / length, q / length) if length > 0.0 else (1.0, 0.0)
+    a3, b3 = 0.5 * values[2] ** 3, 0.5 * values[3] ** 3
+    for j in range(5):  # rows: unknowns cx, cz, m, p, q; columns: right, up, semi-major, semi-minor, orientation
+        for k in range(5):
+            turned[j, k] = 0.0
+    turned[0, 0], turned[1, 1] = scales[0], scales[1]
+    turned[2, 2], turned[2, 3] = -a3 * scales[2], -b3 * scales[2]
+    if not circle:
+        noise = 0.0
+        for k in range(3, 5):  # variance of p and of q
+            for j in range(5):
+                right[j] = 0.0
+            right[k] = scales[k]
+            forward(factor, inverse, right, 5)
+            for j in range(k, 5):
+                noise += 0.5 * right[j] * right[j]
+        turn = 0.5 / max(length, np.sqrt(noise))
+        turned[3, 2], turned[4, 2] = a3 * cos * scales[3], a3 * sin * scales[4]
+        turned[3, 3], turned[4, 3] = -b3 * cos * scales[3], -b3 * sin * scales[4]
+        turned[3, 4], turned[4, 4] = -turn * sin * scales[3], turn * cos * scales[4]
+    for c in range(5):
+        forward(factor, inverse, turned[:, c], 5)
+    for j in range(5):
+        for k in range(j + 1):
+            value = 0.0
+            for m in range(5):
+                value += turned[m, j] * turned[m, k]
+            covariance[j, k] = covariance[k, j] = value

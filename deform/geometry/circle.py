@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deform.errors import Fault, InputError
-from deform.geometry._kernels_circle import adjust_sections, ellipse_direct, propagate_axes
+from deform.geometry._kernels_circle import adjust_sections, fit_directly
 
 _ROUNDS_PLAIN, _ROUNDS_ROBUST = 6, 12
 _BAD_FIT = 3.0  # sigma of unit weight above which a section is flagged
@@ -91,7 +91,10 @@ def fit_ellipse_direct(x: np.ndarray, z: np.ndarray) -> np.ndarray:
     >>> np.round(ring[0], 4).tolist()
     [0.002, 0.0, 0.16, 0.15, 1.5708]
     """
-    return _axes(_direct(*_points(x, z)))
+    x, z = _points(x, z)
+    values = np.empty((len(x), 5))
+    fit_directly(x, z, _scale(x, z), values)
+    return values
 
 
 def adjust_ellipse(x, z, sigma: float = 3e-4, tangential_sigma: float = 0.0, robust: bool = False) -> SectionFit:
@@ -138,12 +141,11 @@ def _points(x, z) -> tuple[np.ndarray, np.ndarray]:
     return right, up
 
 
-def _direct(x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    out, present = np.empty((len(x), 5)), np.empty(len(x), np.int64)
+def _scale(x: np.ndarray, z: np.ndarray) -> float:
+    """One over the typical distance of the points (1/m), by which the direct fit makes them of the order of one."""
     some = slice(None, None, max(1, len(x) // 200))
     size = float(np.nanmedian(np.hypot(x[some], z[some]))) if x.size else 1.0
-    ellipse_direct(x, z, 1.0 / size if size > 0 else 1.0, out, present, np.empty(x.shape[1]), np.empty(x.shape[1]))
-    return out
+    return 1.0 / size if size > 0 else 1.0
 
 
 def _adjusted(x, z, sigma: float, tangential: float, robust: bool, circle: bool) -> SectionFit:
@@ -153,37 +155,13 @@ def _adjusted(x, z, sigma: float, tangential: float, robust: bool, circle: bool)
             Fault("section", "sigma", f"{sigma}, {tangential}; the radial one must be positive, the other not negative")
         )
     n, arms = x.shape
-    unknowns = _direct(x, z)
-    if circle:
-        unknowns[:, 3:] = 0.0
-    covariance, residual = np.zeros((n, 5, 5)), np.empty((n, arms))
+    values, covariance, residual = np.empty((n, 5)), np.empty((n, 5, 5)), np.empty((n, arms))
     weights, variance = np.empty(n), np.empty(n)
     rounds = _ROUNDS_ROBUST if robust else _ROUNDS_PLAIN
     adjust_sections(
-        x, z, sigma, tangential, robust, 3 if circle else 5, rounds, unknowns, covariance, residual, weights, variance
+        x, z, sigma, tangential, robust, circle, rounds, _scale(x, z), values, covariance, residual, weights, variance
     )
-    values = _axes(unknowns)
-    said = _axes_covariance(unknowns, values, covariance, circle)
     sigma_unit = np.sqrt(variance)
     bad = ~np.isfinite(values[:, 2]) | ~(sigma_unit < _BAD_FIT)
     right, up, major, minor, orientation = values.T
-    return SectionFit(right, up, major, minor, orientation, said, residual, sigma_unit, weights, bad)
-
-
-def _axes(unknowns: np.ndarray) -> np.ndarray:
-    """Columns right, up, semi_major, semi_minor, orientation from cx, cz, m, p, q."""
-    m, p, q = unknowns[:, 2], unknowns[:, 3], unknowns[:, 4]
-    length = np.hypot(p, q)
-    with np.errstate(invalid="ignore"):
-        major, minor = 1 / np.sqrt(m - length), 1 / np.sqrt(m + length)
-    orientation = np.mod(0.5 * np.arctan2(-q, -p), np.pi)
-    return np.stack([unknowns[:, 0], unknowns[:, 1], major, minor, orientation], axis=1)
-
-
-def _axes_covariance(unknowns: np.ndarray, values: np.ndarray, covariance: np.ndarray, circle: bool) -> np.ndarray:
-    """Covariance (n, 5, 5) of the axes; where the section is round within its noise the direction is bounded by that noise."""
-    p, q, major, minor = unknowns[:, 3], unknowns[:, 4], values[:, 2], values[:, 3]
-    length = np.maximum(np.hypot(p, q), 1e-300)
-    cos, sin = (np.ones(len(p)), np.zeros(len(p))) if circle else (p / length, q / length)
-    propagate_axes(major, minor, cos, sin, np.zeros(len(p)) if circle else length, circle, covariance)
-    return covariance
+    return SectionFit(right, up, major, minor, orientation, covariance, residual, sigma_unit, weights, bad)

@@ -1,30 +1,28 @@
-"""Values in, colours out: two colour-blind-safe scales of a few anchors, no plotting library."""
+"""Values of a surface in, colours out, and the ends of the scale that the sidecar tells."""
 
 from __future__ import annotations
 
 import numpy as np
 
-_SEQUENTIAL = (
-    np.array([[254, 232, 56], [189, 175, 110], [124, 123, 120], [65, 77, 107], [0, 32, 77]]) / 255
-)  # cividis, light to dark
-_DIVERGING = (
-    np.array([[33, 102, 172], [146, 197, 222], [247, 247, 247], [244, 165, 130], [178, 24, 43]]) / 255
-)  # ColorBrewer RdBu
+from deform.palette import CHANGE, DEPTH, DEPTH_LEAST, paint
 
 
 def colours(value: np.ndarray, *, diverging: bool = False) -> np.ndarray:
     """Return colours (n, 3) in 0 … 1 of values (n,); unknown values are grey.
 
-    A diverging scale is white at zero and ends at the largest size; the other one runs from the least to the greatest.
+    A diverging scale is white at zero and ends at the largest size. The other one is white at zero as well, darkest at the
+    greatest value, and amber below zero.
     """
     value = np.asarray(value, float)
-    finite = np.isfinite(value)
-    if not finite.any():
-        return np.full((value.size, 3), 0.7)
-    most = float(np.abs(value[finite]).max())
-    low, high = (-most, most) if diverging else (float(value[finite].min()), float(value[finite].max()))
-    place = np.clip((np.where(finite, value, low) - low) / max(high - low, 1e-12), 0, 1)
-    anchors = _DIVERGING if diverging else _SEQUENTIAL
-    steps = np.linspace(0, 1, len(anchors))
-    paint = np.stack([np.interp(place, steps, anchors[:, k]) for k in range(3)], axis=-1)
-    return np.where(finite[:, None], paint, 0.7)
+    low, high = scale_ends(value, diverging=diverging)
+    return paint(np.clip((value - low) / max(high - low, 1e-12), 0, 1), CHANGE if diverging else DEPTH)
+
+
+def scale_ends(value: np.ndarray, *, diverging: bool = False) -> tuple[float, float]:
+    """Return the values at which the colour scale begins and ends."""
+    finite = np.asarray(value, float)[np.isfinite(value)]
+    if diverging:
+        most = float(np.abs(finite).max(initial=0.0))
+        return -most, most
+    most = float(finite.max(initial=0.0))
+    return DEPTH_LEAST * most, most

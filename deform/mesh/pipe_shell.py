@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from deform.geometry.earth import geodetic_to_local
 from deform.mesh.surface import Surface, steel
 from deform.options import MeshOptions
 
-_EARTH_RADIUS_M = 6_371_008.8
 _STEP_M = 0.5
 _AROUND = 36
 _MARGIN_M = 20.0
@@ -30,8 +30,8 @@ def zone_shell(
     Returns
     -------
     Surface or None
-        x east, y north, z up from the middle of the zone, metre; the value is the size of the displacement (m). None when the
-        reference run has no coordinates there.
+        x east, y north, z up from the middle of the zone, metre; the value is the size of the displacement (m), NaN where that is
+        not known: grey and not moved. None when the reference run has no coordinates there.
     """
     centreline = reference["centreline"].to_dataset() if "centreline" in reference.children else None
     if centreline is None or "latitude" not in centreline:
@@ -45,41 +45,51 @@ def zone_shell(
     if good.sum() < 5:
         return None
     s, latitude, longitude, height = s[good], latitude[good], longitude[good], height[good]
-    middle = s.size // 2
-    scale = np.radians(1.0) * _EARTH_RADIUS_M
-    east = (longitude - longitude[middle]) * scale * np.cos(np.radians(latitude[middle]))
-    path = np.stack([east, (latitude - latitude[middle]) * scale, height - height[middle]], axis=1)
+    origin = tuple(float(v[s.size // 2]) for v in (latitude, longitude, height))
     moved = displacement(comparison, run, s)
-    path = path + options.shell_exaggeration * moved
+    known = np.isfinite(moved).all(axis=1)
+    path = np.stack(geodetic_to_local(latitude, longitude, height, *origin), axis=1)
+    path = path + options.shell_exaggeration * np.nan_to_num(moved)
     outer = float(reference.attrs.get("outside_diameter_m", 0.5)) / 2
     inner = outer - float(reference.attrs.get("nominal_wall_m", 0.01))
-    size = np.linalg.norm(moved, axis=1)
+    size = np.where(known, np.linalg.norm(moved, axis=1), np.nan)
+    shown = size[known]
     meaning = {
         "unit": "m",
-        "frame": "x east, y north, z up from the middle of the zone; the same in every run",
-        "origin": {
-            "latitude_deg": float(latitude[middle]),
-            "longitude_deg": float(longitude[middle]),
-            "height_m": float(height[middle]),
-        },
+        "frame": "x east, y north, z up, tangent at the middle of the zone on the reference run; the same in every run",
+        "origin": dict(zip(("latitude_deg", "longitude_deg", "height_m"), origin, strict=True)),
         "run": run,
+        "date": _date(comparison, run),
+        "reference": str(comparison.attrs.get("reference", "")),
         "start_m": float(s[0]),
         "end_m": float(s[-1]),
         "displacement_exaggeration": float(options.shell_exaggeration),
-        "colour": {"shows": "displacement", "unit": "m", "low": float(size.min()), "high": float(size.max())},
+        "displacement_unknown_m": float((~known).sum() * _STEP_M),
+        "colour": {
+            "shows": "displacement",
+            "unit": "m",
+            "low": float(shown.min()) if shown.size else None,
+            "high": float(shown.max()) if shown.size else None,
+        },
     }
     walls = [_tube(path, radius) for radius in (inner, outer)]
-    return steel(walls[0], walls[1], np.repeat(size[:, None], _AROUND, axis=1), meaning)
+    value = np.repeat(size[:, None], _AROUND, axis=1)
+    return steel(walls[0], walls[1], value, meaning, {"displacement_m": value})
 
 
 def displacement(comparison: xr.Dataset, run: str, s: np.ndarray) -> np.ndarray:
-    """Return the displacement (n, 3) east, north, up (m) of a run at reference chainages (n,); zero where it is not known."""
+    """Return the displacement (n, 3) east, north, up (m) of a run at reference chainages (n,); NaN where it is not known."""
     k = [str(name) for name in comparison["epoch"].values].index(run)
     at, parts = comparison["chainage"].values, []
     for name in ("east", "north", "up"):
-        values = comparison[f"displacement_{name}"].values[k] if f"displacement_{name}" in comparison else np.zeros(at.size)
-        parts.append(np.interp(s, at, np.nan_to_num(values)))
+        held = comparison.get(f"displacement_{name}")
+        parts.append(np.full(s.size, np.nan) if held is None else np.interp(s, at, held.values[k], left=np.nan, right=np.nan))
     return np.stack(parts, axis=1)
+
+
+def _date(comparison: xr.Dataset, run: str) -> str:
+    names = [str(name) for name in comparison["epoch"].values]
+    return str(comparison["date"].values[names.index(run)]) if "date" in comparison else ""
 
 
 def _tube(path: np.ndarray, radius: float) -> np.ndarray:

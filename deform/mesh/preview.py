@@ -6,19 +6,25 @@ import numpy as np
 import xarray as xr
 from scipy.ndimage import gaussian_filter, zoom
 
-from deform.mesh.colours import colours
+from deform.palette import CHANGE, DEPTH, DEPTH_LEAST, Scale, paint
 
 _HALF_WIDTH_DEG = 75.0
 _LIGHT = np.array([-0.45, 0.55, 0.70])
-_RELIEF = 4.0
+_RELIEF = 2.5
+_LINES = (0.1, 0.25, 0.5, 0.75)  # of the deepest; the first is where length and width of a dent are taken
+_INK = np.array([60, 66, 74]) / 255
 
 
-def preview(depth: xr.DataArray, width: int = 720) -> np.ndarray:
+def preview(depth: xr.DataArray, top: float | None = None, value: np.ndarray | None = None, width: int = 720) -> np.ndarray:
     """Return a picture (rows, width, 3) of 8-bit colours: the wall seen from inside, the dent in the middle, shaded from above.
+
+    Downstream is to the right, clockwise is downward. Lines stand at a tenth, a quarter, a half and three quarters of the depth.
 
     Parameters
     ----------
     depth : ``depth(distance, clock)`` in metre, positive inward; attributes ``radius_m`` and, when known, ``clock_deg``.
+    top : depth at which the colours end, such as that of the deepest run; default the greatest of this one.
+    value : what the colour shows in place of depth, on the same grid: signed for a change (white at zero), grey where unknown.
     width : of the picture, pixels along the pipe.
     """
     at = depth.attrs.get("clock_deg")
@@ -31,12 +37,40 @@ def preview(depth: xr.DataArray, width: int = 720) -> np.ndarray:
     high = np.radians(offset[order][-1] - offset[order][0]) * depth.attrs["radius_m"]
     long = float(depth["distance"].values[-1] - depth["distance"].values[0])
     rows = int(np.clip(width * high / long, 120, 2 * width))
-    fine = gaussian_filter(
-        zoom(values, (rows / values.shape[0], width / values.shape[1]), order=1, mode="nearest", grid_mode=True), 2
-    )
+    cell = max(width / depth.sizes["distance"], rows / values.shape[0])
+    fine = gaussian_filter(_enlarged(values, rows, width, 1), 0.6 * cell)
     slope_down, slope_along = np.gradient(fine * _RELIEF, high / rows, long / width)
     normal = np.stack([-slope_along, slope_down, np.ones_like(fine)], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    shade = np.clip(normal @ (_LIGHT / np.linalg.norm(_LIGHT)), 0.15, 1.0)
-    paint = colours(fine.ravel()).reshape(*fine.shape, 3)
-    return np.ascontiguousarray(np.rint(255 * np.clip(paint * (0.35 + 0.75 * shade[..., None]), 0, 1)).astype(np.uint8))
+    shade = np.clip(normal @ (_LIGHT / np.linalg.norm(_LIGHT)), 0.15, 1.0) / (_LIGHT[2] / np.linalg.norm(_LIGHT))
+    shown = _colours(fine, top or float(fine.max()), None if value is None else _enlarged(value[:, order].T, rows, width, 0))
+    picture = np.clip(shown * (0.45 + 0.55 * shade[..., None]), 0, 1)
+    picture[_edges(fine, [share * float(fine.max()) for share in _LINES])] = _INK
+    return np.ascontiguousarray(np.rint(255 * picture).astype(np.uint8))
+
+
+def _enlarged(values: np.ndarray, rows: int, width: int, order: int) -> np.ndarray:
+    factors = (rows / values.shape[0], width / values.shape[1])
+    return zoom(values, factors, order=order, mode="nearest", grid_mode=True)
+
+
+def _colours(depth: np.ndarray, top: float, value: np.ndarray | None) -> np.ndarray:
+    scale: Scale
+    if value is None:
+        place, scale = (depth / max(top, 1e-9) - DEPTH_LEAST) / (1 - DEPTH_LEAST), DEPTH
+    elif (value[np.isfinite(value)] < 0).any():
+        most = np.nanmax(np.abs(value))
+        place, scale = 0.5 + 0.5 * value / max(most, 1e-12), CHANGE
+    else:
+        most = np.nanmax(value) if np.isfinite(value).any() else 1.0
+        place, scale = (value / max(most, 1e-12) - DEPTH_LEAST) / (1 - DEPTH_LEAST), DEPTH
+    return paint(np.clip(place, 0, 1).ravel(), scale).reshape(*depth.shape, 3)
+
+
+def _edges(values: np.ndarray, levels: list[float]) -> np.ndarray:
+    """Return where a pixel and its neighbour right or below lie on two sides of a level."""
+    steps = np.digitize(values, levels)
+    found = np.zeros(values.shape, bool)
+    found[:, :-1] |= steps[:, :-1] != steps[:, 1:]
+    found[:-1, :] |= steps[:-1, :] != steps[1:, :]
+    return found

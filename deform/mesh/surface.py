@@ -17,12 +17,14 @@ class Surface:
     triangles : (m, 3), indices, counter-clockwise seen from outside the steel.
     value : (n,), what the colour shows, NaN where unknown.
     meaning : unit, frame and whatever else a reader must know; goes into the sidecar.
+    fields : further numbers of every vertex by name, such as ``radius_m``; formats that can hold them do.
     """
 
     vertices: np.ndarray
     triangles: np.ndarray
     value: np.ndarray
     meaning: dict = field(default_factory=dict)
+    fields: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def bounds(self) -> np.ndarray:
@@ -50,7 +52,9 @@ def rim_triangles(inner: np.ndarray, outer: np.ndarray, *, downstream: bool) -> 
     return triangles if downstream else triangles[:, ::-1]
 
 
-def steel(inner: np.ndarray, outer: np.ndarray, value: np.ndarray, meaning: dict) -> Surface:
+def steel(
+    inner: np.ndarray, outer: np.ndarray, value: np.ndarray, meaning: dict, fields: dict[str, np.ndarray] | None = None
+) -> Surface:
     """Return the closed surface of a piece of pipe from the points of its inner and outer wall.
 
     Parameters
@@ -58,6 +62,7 @@ def steel(inner: np.ndarray, outer: np.ndarray, value: np.ndarray, meaning: dict
     inner, outer : points (rows, around, 3), metre.
     value : (rows, around), what the colour of both walls shows.
     meaning : goes into the sidecar.
+    fields : (rows, around) each, further numbers of both walls.
     """
     rows, around, _ = inner.shape
     n = rows * around
@@ -71,4 +76,5 @@ def steel(inner: np.ndarray, outer: np.ndarray, value: np.ndarray, meaning: dict
         ]
     )
     vertices = np.concatenate([inner.reshape(n, 3), outer.reshape(n, 3)])
-    return Surface(vertices, triangles, np.concatenate([value.ravel(), value.ravel()]), meaning)
+    both = {name: np.tile(np.ravel(values), 2) for name, values in (fields or {}).items()}
+    return Surface(vertices, triangles, np.tile(np.ravel(value), 2), meaning, both)

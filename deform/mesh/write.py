@@ -4,25 +4,48 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
-from deform.errors import DeformError, Fault, InputError, OptionError
-from deform.mesh.colours import colours
+from deform.errors import Fault, OptionError
+from deform.mesh.colours import colours, scale_ends
+from deform.mesh.compare import inner_wall_movement
 from deform.mesh.dent_surface import dent_surface, depth_grid, half_length, read_window
+from deform.mesh.formats import WRITERS
 from deform.mesh.library import library
 from deform.mesh.pipe_shell import zone_shell
 from deform.mesh.preview import preview
+from deform.mesh.strain_field import strain_grid
 from deform.mesh.surface import Surface
 from deform.options import MeshOptions
 from deform.run import store
 
 _log = logging.getLogger(__name__)
 _NOT_THERE = ("removed", "unmeasured", "copied")
-FORMATS = ("ply", "glb", "stl", "obj", "png")
+_FALLBACK_WALL_M = 0.006
+FORMATS = (*WRITERS, "png")
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Where a run lies, and its attributes."""
+
+    path: Path
+    attrs: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """One dent in one run: its depths on a grid, its surface in true size and as drawn."""
+
+    depth: xr.DataArray
+    true: Surface
+    drawn: Surface
 
 
 def write_dent_surfaces(
@@ -54,89 +77,87 @@ def write_dent_surfaces(
     """
     folder, options, wanted = Path(folder), options or MeshOptions(), _known(formats)
     table = _dents(folder)
+    runs = {run: _Run(_run_path(folder, run), _attrs(_run_path(folder, run))) for run in table.run.unique()}
     written: list[Path] = []
-    before: dict[str, Any] = {}
-    for done, row in enumerate(table):
-        surface, depth = _of_row(folder, row, options, before.get(row.dent_id))
-        if surface is None:
-            _log.warning("dent %s in %s: no wall map at %.2f m, so no surface", row.dent_id, row.run, row.run_chainage_m)
-        else:
-            before.setdefault(row.dent_id, depth)
-            written += write_surface(surface, folder / "dents" / f"{row.dent_id}_{row.run}", wanted, depth=depth)
-        if progress:
-            progress((done + 1) / len(table))
+    done = 0
+    for dent, rows in table.groupby("dent_id", sort=False):
+        first: tuple[str, _Measured] | None = None
+        top = float(rows.depth_m.max()) if rows.depth_m.notna().any() else None
+        half = half_length(float(rows.length_m.max()), options)  # one extent for all years
+        for row in list[Any](rows.itertuples(index=False)):
+            measured = _of_row(runs[row.run], row, half, options, first[1].depth if first else None)
+            if measured is None:
+                _log.warning("dent %s in %s: no wall map at %.2f m, so no surface", dent, row.run, row.run_chainage_m)
+            else:
+                surface = replace(measured.drawn, meaning=_meaning(runs[row.run], row, measured, first))
+                stem = folder / "dents" / f"{dent}_{row.run}"
+                written += write_surface(surface, stem, wanted)
+                if "png" in wanted:
+                    written.append(_write_preview(measured, options, top, stem))
+                first = first or (str(row.run), measured)
+            done += 1
+            if progress:
+                progress(done / len(table))
     return written
 
 
 def write_zone_shells(
     folder: Path | str, formats: Iterable[str] = ("ply", "glb"), options: MeshOptions | None = None
 ) -> list[Path]:
-    """Write ``zones/<zone_id>_<run>.<format>``: the pipe of a zone in every run, in one frame, coloured by displacement."""
+    """Write ``zones/<zone_id>_<run>.<format>``: the pipe of a zone in every run, in one frame, coloured by displacement.
+
+    Nothing is written for pipe that was replaced, nor where no comparison tells how the pipe moved.
+    """
     folder, options, wanted = Path(folder), options or MeshOptions(), _known(formats)
+    if not (folder / "comparison.nc").exists() or not (folder / "tables" / "zones.csv").exists():
+        return []
     zones = store.read_table(folder / "tables" / "zones.csv", "zones")
     comparison = store.read_dataset(folder / "comparison.nc")
+    if zones.empty or "displacement_east" not in comparison:
+        return []
     reference = store.read_run(_run_path(folder, str(comparison.attrs["reference"])), groups=("centreline",))
     written: list[Path] = []
-    for zone in list[Any](zones.itertuples(index=False)):
+    for zone in list[Any](zones[zones.kind != "reconfiguration"].itertuples(index=False)):
         for run in comparison["epoch"].values:
             surface = zone_shell(reference, comparison, str(run), float(zone.start_m), float(zone.end_m), options)
             if surface is not None:
+                surface = replace(surface, meaning={"zone": zone.zone_id} | surface.meaning)
                 written += write_surface(surface, folder / "zones" / f"{zone.zone_id}_{run}", wanted)
     return written
 
 
-def write_surface(surface: Surface, stem: Path, formats: Iterable[str], depth: Any = None) -> list[Path]:
-    """Write one surface in several formats, and its sidecar; return the paths."""
-    stem.parent.mkdir(parents=True, exist_ok=True)
-    paint = colours(surface.value, diverging=surface.meaning["colour"]["shows"] != "depth")
+def write_surface(surface: Surface, stem: Path, formats: Iterable[str]) -> list[Path]:
+    """Write one surface in several formats, and its sidecar; return the paths. A preview is no format of a surface."""
+    diverging = surface.meaning["colour"]["shows"] == "change"
+    paint = colours(surface.value, diverging=diverging)
+    low, high = scale_ends(surface.value, diverging=diverging)
     written = []
     for name in formats:
-        path = stem.with_name(f"{stem.name}.{name}")
-        if name == "png" and depth is None:
-            continue
-        with store.atomic(path) as place:
-            _WRITERS[name](surface, paint, place, depth)
-        written.append(path)
-    counts = {
+        if name in WRITERS:
+            path = stem.with_name(f"{stem.name}.{name}")
+            with store.atomic(path) as place:
+                WRITERS[name](surface, paint, place)
+            written.append(path)
+    further = {
+        "colour_scale": {"low": low, "high": high},
+        "fields": sorted(surface.fields),
+        "glb_axes": "y up, as glTF asks: the node turns x, y, z into x, z, -y",
         "vertices": len(surface.vertices),
         "triangles": len(surface.triangles),
         "bounds_m": surface.bounds.round(6).tolist(),
     }
-    written.append(store.write_json(surface.meaning | counts, stem.with_name(f"{stem.name}.json")))
+    written.append(store.write_json(surface.meaning | further, stem.with_name(f"{stem.name}.json")))
     return written
 
 
-def _write_open3d(surface: Surface, paint: np.ndarray, place: Path, _: Any) -> None:
-    o3d = library("open3d")
-    mesh = o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(surface.vertices), o3d.utility.Vector3iVector(surface.triangles.astype(np.int32))
-    )
-    mesh.vertex_colors = o3d.utility.Vector3dVector(paint)
-    mesh.compute_vertex_normals()
-    if not o3d.io.write_triangle_mesh(str(place), mesh, write_ascii=False):
-        raise InputError(Fault(str(place), "", "Open3D could not write it", "is the disk full?"))
-
-
-def _write_trimesh(surface: Surface, paint: np.ndarray, place: Path, _: Any) -> None:
-    trimesh = library("trimesh")
-    paint = np.concatenate([np.rint(paint * 255), np.full((len(paint), 1), 255)], axis=1).astype(np.uint8)
-    mesh = trimesh.Trimesh(surface.vertices, surface.triangles, vertex_colors=paint, process=False)
-    content = mesh.export(file_type=place.suffix[1:])
-    place.write_bytes(content if isinstance(content, bytes) else content.encode())
-
-
-def _write_png(_surface: Surface, _paint: np.ndarray, place: Path, depth: Any) -> None:
-    o3d = library("open3d")
-    o3d.io.write_image(str(place), o3d.geometry.Image(preview(depth)))
-
-
-_WRITERS: dict[str, Callable[[Surface, np.ndarray, Path, Any], None]] = {
-    "ply": _write_open3d,
-    "stl": _write_open3d,
-    "obj": _write_trimesh,
-    "glb": _write_trimesh,
-    "png": _write_png,
-}
+def _write_preview(measured: _Measured, options: MeshOptions, top: float | None, stem: Path) -> Path:
+    o3d, path = library("open3d"), stem.with_name(f"{stem.name}.png")
+    value = None
+    if options.colour != "depth":
+        value = measured.true.value[: measured.depth.size].reshape(measured.depth.shape)
+    with store.atomic(path) as place:
+        o3d.io.write_image(str(place), o3d.geometry.Image(preview(measured.depth, top, value)))
+    return path
 
 
 def _known(formats: Iterable[str]) -> list[str]:
@@ -147,41 +168,64 @@ def _known(formats: Iterable[str]) -> list[str]:
     return wanted
 
 
-def _dents(folder: Path) -> list[Any]:
-    """Return the rows of the dents that a run has measured, each with the nominal wall."""
+def _dents(folder: Path) -> pd.DataFrame:
+    """Return the rows of the dents that a run has measured."""
     path = folder / "tables" / "dents.csv"
     if not path.exists():
-        return []
+        return pd.DataFrame({"dent_id": [], "run": []})
     table = store.read_table(path, "dents")
-    return list(table[~table.status.isin(_NOT_THERE) & table.run_chainage_m.notna()].itertuples(index=False))
+    return table[~table.status.isin(_NOT_THERE) & table.run_chainage_m.notna()]
 
 
-def _of_row(folder: Path, row: Any, options: MeshOptions, before: Any) -> tuple[Surface | None, Any]:
-    path = _run_path(folder, row.run)
-    half = half_length(row.length_m, options)
-    window = read_window(path, row.run_chainage_m, half + options.step_m)
+def _of_row(run: _Run, row: Any, half: float, options: MeshOptions, before: xr.DataArray | None) -> _Measured | None:
+    window = read_window(run.path, row.run_chainage_m, half + options.step_m)
     if window is None:
-        return None, None
+        return None
     try:
         depth = depth_grid(window, row.run_chainage_m, half, options)
     except (IndexError, ValueError):
-        return None, None
-    if before is not None and before.shape != depth.shape:
-        before = before.interp(distance=depth["distance"], clock=depth["clock"], kwargs={"fill_value": 0.0})
-    attrs = _attrs(path)
-    surface = dent_surface(
-        window, row.run_chainage_m, half, wall_thickness=float(attrs.get("nominal_wall_m", 0.006)), options=options, before=before
+        return None
+    depth.attrs["clock_deg"] = None if pd.isna(row.clock_deg) else float(row.clock_deg)
+    wall = float(run.attrs.get("nominal_wall_m", _FALLBACK_WALL_M))
+    strain = strain_grid(
+        window,
+        depth,
+        clock_deg=row.clock_deg,
+        depth_m=row.depth_m,
+        length_m=row.length_m,
+        width_m=row.width_m,
+        wall_thickness=wall,
     )
-    clock = None if pd.isna(row.clock_deg) else float(row.clock_deg)
-    who = {"dent": row.dent_id, "run": row.run, "date": str(attrs.get("date", "")), "status": row.status, "clock_deg": clock}
-    depth.attrs["clock_deg"] = clock
-    return Surface(surface.vertices, surface.triangles, surface.value, who | surface.meaning), depth
+    earlier = depth if before is None else before  # in the first run nothing has changed yet
+    surfaces = [
+        dent_surface(depth, wall_thickness=wall, options=chosen, before=earlier, strain=strain)
+        for chosen in (replace(options, exaggeration=1.0), options)
+    ]
+    return _Measured(depth, *surfaces)
 
 
-def _attrs(path: Path) -> dict:
+def _meaning(run: _Run, row: Any, measured: _Measured, first: tuple[str, _Measured] | None) -> dict[str, Any]:
+    """Return the words of a sidecar: who and when, those of the surface, and how far the wall moved since the first run."""
+    who = {
+        "dent": row.dent_id,
+        "run": row.run,
+        "date": str(run.attrs.get("date", "")),
+        "status": row.status,
+        "clock_deg": measured.depth.attrs["clock_deg"],
+        "depth_m": None if pd.isna(row.depth_m) else float(row.depth_m),
+    }
+    if np.isfinite(measured.true.fields.get("strain", np.nan)).any():
+        who["strain_max"] = float(np.nanmax(measured.true.fields["strain"]))
+    since = {} if first is None else {"moved_since": {"run": first[0], **inner_wall_movement(measured.true, first[1].true)}}
+    return who | measured.drawn.meaning | since
+
+
+def _attrs(path: Path) -> dict[str, Any]:
+    """Return the attributes of a run; nothing else of it is read."""
     try:
-        return dict(store.read_run(path, groups=()).attrs)
-    except DeformError:
+        with xr.open_dataset(path, engine="zarr" if path.suffix == ".zarr" else "netcdf4") as root:
+            return dict(root.attrs)
+    except (OSError, ValueError):
         return {}
 
 

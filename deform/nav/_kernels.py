@@ -31,6 +31,9 @@ GYRO_DRIFT, GYRO_SCALE, GYRO_ASYMMETRY, UNBALANCE_SPIN, UNBALANCE_INPUT, SPIN_AX
 ACCEL_BIAS, ACCEL_SCALE, ACCEL_ASYMMETRY, GYRO_MOUNTING, ACCEL_MOUNTING = 6, 7, 8, 9, 12
 COMPENSATION_ROWS = 15
 
+LOST = 1.5  # usual steps beyond which a sample is missing
+MOST_BRIDGED = 5  # missing samples over which rate and force are taken to go on; more of them are a gap
+
 
 @njit(cache=True, error_model="numpy")
 def compensate(K, g0, g1, g2, a0, a1, a2, dt):
@@ -85,9 +88,35 @@ def two_sample(g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2):
     return r0, r1, r2, d0 + g0 * ga - a0 * gg, d1 + g1 * ga - a1 * gg, d2 + g2 * ga - a2 * gg
 
 
+@njit(cache=True, error_model="numpy")
+def lost_before(time, i, usual):
+    """Number of samples that are missing before sample i: its step is too long, and neither neighbour's is short for it."""
+    dt = time[i] - time[i - 1]
+    if dt <= LOST * usual:
+        return 0
+    if i + 1 < time.size and time[i + 1] - time[i - 1] <= (LOST + 1.0) * usual:
+        return 0
+    if i > 1 and time[i] - time[i - 2] <= (LOST + 1.0) * usual:
+        return 0
+    return max(round(dt / usual) - 1, 1)
+
+
+@njit(cache=True, error_model="numpy")
+def travelled(t, start, step, distance, slope):
+    """Distance at a time: a cubic between knots ``step`` apart, steady beyond them."""
+    u = (t - start) / step
+    k = min(max(math.floor(u), 0), distance.size - 2)
+    w = min(max(u - k, 0.0), 1.0)
+    rise, a, b = distance[k + 1] - distance[k], slope[k] * step, slope[k + 1] * step
+    return distance[k] + w * (a + w * (3.0 * rise - 2.0 * a - b + w * (a + b - 2.0 * rise)))
+
+
 @njit(cache=True, error_model="numpy", parallel=True)
-def preintegrate(time, gyro, accel, gyro_pulse, accel_pulse, K, distance, bounds, longest_gap, table):
-    """Fill the table (epoch, COLUMNS) with the integrals over the samples bounds[k] + 1 ... bounds[k + 1]."""
+def preintegrate(time, gyro, accel, gyro_pulse, accel_pulse, K, start, step, distance, slope, bounds, usual, table):
+    """Fill the table (epoch, COLUMNS) with the integrals over the samples bounds[k] + 1 ... bounds[k + 1].
+
+    ``start``, ``step``, ``distance``, ``slope``: the odometer's profile, see `travelled`.
+    """
     for k in prange(bounds.size - 1):
         R = np.eye(3)
         row = table[k]
@@ -97,24 +126,29 @@ def preintegrate(time, gyro, accel, gyro_pulse, accel_pulse, K, distance, bounds
         first = bounds[k]
         dt = max(time[first] - time[first - 1], 1e-9) if first > 0 else 1.0
         p0, p1, p2, b0, b1, b2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, first, dt)
-        usual = dt
         if first == 0:
             p0 = p1 = p2 = b0 = b1 = b2 = 0.0
+        reached = travelled(time[first], start, step, distance, slope)
         for i in range(first + 1, bounds[k + 1] + 1):
             dt = time[i] - time[i - 1]
-            ds = distance[i] - distance[i - 1]
-            g0, g1, g2, a0, a1, a2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, i, min(dt, longest_gap))
-            if dt > longest_gap:  # the counts of the gap are lost: the last force goes on, the attitude stands still
+            ds, reached = -reached, travelled(time[i], start, step, distance, slope)
+            ds += reached
+            lost = lost_before(time, i, usual)
+            g0, g1, g2, a0, a1, a2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, i, dt if lost == 0 else usual)
+            if lost > MOST_BRIDGED:  # the counts of the gap are lost: the last force goes on, the attitude stands still
                 row[GAP] += dt
-                share = dt / max(usual, 1e-9)
+                share = dt / usual
                 a0, a1, a2 = b0 * share, b1 * share, b2 * share
                 g0 = g1 = g2 = p0 = p1 = p2 = 0.0
                 r0 = r1 = r2 = 0.0
                 d0, d1, d2 = a0, a1, a2
             else:
-                usual = dt
+                n0, n1, n2, c0, c1, c2 = g0, g1, g2, a0, a1, a2
+                if lost > 0:  # a few samples: the mean of both neighbours stands for each of them
+                    g0, g1, g2 = g0 + 0.5 * lost * (g0 + p0), g1 + 0.5 * lost * (g1 + p1), g2 + 0.5 * lost * (g2 + p2)
+                    a0, a1, a2 = a0 + 0.5 * lost * (a0 + b0), a1 + 0.5 * lost * (a1 + b1), a2 + 0.5 * lost * (a2 + b2)
                 r0, r1, r2, d0, d1, d2 = two_sample(g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2)
-                p0, p1, p2, b0, b1, b2 = g0, g1, g2, a0, a1, a2
+                p0, p1, p2, b0, b1, b2 = n0, n1, n2, c0, c1, c2
             w0, w1, w2 = rotate(R, d0, d1, d2)
             x0 += dt * (v0 + 0.5 * w0)
             x1 += dt * (v1 + 0.5 * w1)
@@ -186,8 +220,10 @@ def advance(row, place, v, C, place_after, v_after, C_after):
     middle_latitude = place[0] + 0.5 * T * vn / 6.37e6
     h0, h1, h2 = f0 - x0 / T, f1 - x1 / T, f2 - x2 / T
     y1, y2 = row[SENSE] * EARTH_RATE * T * math.cos(middle_latitude), row[SENSE] * EARTH_RATE * T * math.sin(middle_latitude)
-    me, mn = ve + 0.5 * (f0 - (y1 * h2 - y2 * h1)), vn + 0.5 * (f1 - y2 * h0)
-    mu = vu + 0.5 * (f2 + y1 * h0 - g * T)
+    # half of force and Coriolis; without the latter the level frame would turn by half an epoch's Coriolis velocity too much
+    me = ve + 0.5 * (f0 - (y1 * h2 - y2 * h1)) - (y1 * vu - y2 * vn)
+    mn = vn + 0.5 * (f1 - y2 * h0) - y2 * ve
+    mu = vu + 0.5 * (f2 + y1 * h0 - g * T) + y1 * ve
     north, up, t0, t1, t2, meridian, normal = navigation_rates(middle_latitude, place[2] + 0.5 * T * vu, me, mn, row[SENSE])
     g = gravity(middle_latitude, place[2] + 0.5 * T * vu)
     z0, z1, z2 = t0 * T, (t1 + north) * T, (t2 + up) * T
@@ -236,8 +272,8 @@ def correct_row(row, p, out):
     """Row of an epoch with small further errors taken off by its Jacobians.
 
     ``p`` (PARAMETERS,): bias of gyros (rad/s) and accelerometers (m/s²), scale of both, by axis; what the forward gyro sees of
-    the turns about right and up, and the right one of that about up; what the accelerometers right and up see of each other's force alike, the forward one of the
-    forces right and up, those right and up of the forward force.
+    the turns about right and up, and the right one of that about up; what the accelerometers right and up see of each other's
+    force alike, the forward one of the forces right and up, those right and up of the forward force.
     """
     for j in range(row.size):
         out[j] = row[j]
@@ -270,8 +306,9 @@ def correct_row(row, p, out):
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, longest_gap, table, states, wanted, offsets, out):
-    """Fill out (output, 12): place, velocity, azimuth, pitch, roll, share of the epoch passed, epoch, speed along body y.
+def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, usual, table, states, spread, wanted, offsets, out):
+    """Fill out (10 + q, output): place, velocity, azimuth, pitch, roll, speed, and the columns of ``spread`` (bound, q), led
+    on linearly between the bounds.
 
     ``states`` (epoch + 1, 35 or more): place, velocity, matrix, parameters of both triads at the bounds.
     ``wanted`` are sample indices, ``offsets[k]`` the first of them at or behind bounds[k]. Inside an epoch the counts are
@@ -301,7 +338,6 @@ def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, longest_gap, t
         first = bounds[k]
         dt = max(time[first] - time[first - 1], 1e-9) if first > 0 else 1.0
         p0, p1, p2, b0, b1, b2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, first, dt)
-        usual = dt
         if first == 0:
             p0 = p1 = p2 = b0 = b1 = b2 = 0.0
         n = offsets[k]
@@ -311,15 +347,19 @@ def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, longest_gap, t
                 break
             if i > first:
                 dt = time[i] - time[i - 1]
-                g0, g1, g2, a0, a1, a2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, i, min(dt, longest_gap))
-                if dt > longest_gap:
-                    share = dt / max(usual, 1e-9)
+                lost = lost_before(time, i, usual)
+                g0, g1, g2, a0, a1, a2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, i, dt if lost == 0 else usual)
+                if lost > MOST_BRIDGED:
+                    share = dt / usual
                     d0, d1, d2 = b0 * share, b1 * share, b2 * share
                     g0 = g1 = g2 = p0 = p1 = p2 = s0 = s1 = s2 = 0.0
                 else:
-                    usual = dt
+                    n0, n1, n2, c0, c1, c2 = g0, g1, g2, a0, a1, a2
+                    if lost > 0:
+                        g0, g1, g2 = g0 + 0.5 * lost * (g0 + p0), g1 + 0.5 * lost * (g1 + p1), g2 + 0.5 * lost * (g2 + p2)
+                        a0, a1, a2 = a0 + 0.5 * lost * (a0 + b0), a1 + 0.5 * lost * (a1 + b1), a2 + 0.5 * lost * (a2 + b2)
                     s0, s1, s2, d0, d1, d2 = two_sample(g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2)
-                    p0, p1, p2, b0, b1, b2 = g0, g1, g2, a0, a1, a2
+                    p0, p1, p2, b0, b1, b2 = n0, n1, n2, c0, c1, c2
                     s0 -= state[15] * dt + state[21] * g0 + state[29] * g2
                     s1 -= state[16] * dt + state[22] * g1 + state[27] * g0 + state[28] * g2
                     s2 -= state[17] * dt + state[23] * g2
@@ -345,14 +385,15 @@ def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, longest_gap, t
             shift_place(place_end, w * e0, w * e1, w * e2)
             turn_left(C_end, w * r0, w * r1, w * r2)
             for j in range(3):
-                out[n, j] = place_end[j]
-            out[n, 3], out[n, 4], out[n, 5] = v_end[0] + w * u0, v_end[1] + w * u1, v_end[2] + w * u2
-            out[n, 6] = math.atan2(C_end[0, 1], C_end[1, 1])
-            out[n, 7] = math.atan2(C_end[2, 1], math.hypot(C_end[0, 1], C_end[1, 1]))
-            out[n, 8] = math.atan2(-C_end[2, 0], C_end[2, 2])
-            out[n, 9] = w
-            out[n, 10] = k
-            out[n, 11] = C_end[0, 1] * out[n, 3] + C_end[1, 1] * out[n, 4] + C_end[2, 1] * out[n, 5]
+                out[j, n] = place_end[j]
+            v_end[0], v_end[1], v_end[2] = v_end[0] + w * u0, v_end[1] + w * u1, v_end[2] + w * u2
+            out[3, n], out[4, n], out[5, n] = v_end[0], v_end[1], v_end[2]
+            out[6, n] = math.atan2(C_end[0, 1], C_end[1, 1])
+            out[7, n] = math.atan2(C_end[2, 1], math.hypot(C_end[0, 1], C_end[1, 1]))
+            out[8, n] = math.atan2(-C_end[2, 0], C_end[2, 2])
+            out[9, n] = math.sqrt(v_end[0] * v_end[0] + v_end[1] * v_end[1] + v_end[2] * v_end[2])
+            for j in range(spread.shape[1]):
+                out[10 + j, n] = spread[k, j] + w * (spread[k + 1, j] - spread[k, j])
             n += 1
 
 

@@ -135,7 +135,7 @@ def keep_course(x, P, dx, at, axes, D, J, variance, gate, buffers, b, used, H, K
     return note(buffers, b, used, H, K, innovation, s, OTHER)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, mark_news, score, turned):
     """Filter the bounds ``first`` ... ``last``; x and P, the state before the first's measurements, are led on behind the last.
 

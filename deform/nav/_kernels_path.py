@@ -159,8 +159,9 @@ def limited_slopes(distance, step):
 def smooth_chain(seen, variance, rows, F, Q, P0, wanted, value, spread, odd):
     """Fixed-interval smoothing of a chain of states: Kalman filter forward, Rauch-Tung-Striebel back.
 
-    ``seen`` (n, q) are measurements ``rows`` (q, m) times the state with ``variance`` (q,), NaN where there is none. Fills ``value`` and ``spread`` (standard deviation) of state ``wanted``. A
-    measurement beyond five sigma loses weight until it is at five (Huber); ``odd`` counts them.
+    ``seen`` (n, q) are measurements ``rows`` (q, m) times the state with ``variance`` (q,), NaN where there is none. Fills
+    ``value`` and ``spread`` (standard deviation) of state ``wanted``. A measurement beyond five sigma loses weight until it is
+    at five (Huber); ``odd`` counts them.
     """
     n, m = seen.shape[0], F.shape[0]
     x_f, P_f = np.empty((n, m)), np.empty((n, m, m))

@@ -54,14 +54,13 @@ def adjoint_measure(adjoint, information, H, K, innovation, s, g):
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
 def smoothed_sigma(P, information, wanted, g, sigma):
     """Fill sigma of the first ``wanted`` states: root of the diagonal of P - P information P."""
-    n = P.shape[0]
     for i in range(wanted):
         sigma[i] = math.sqrt(max(P[i, i] - reduction(P[i], information, g), 0.0))
 
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
 def reduction(p, information, g):
-    """p' information p."""
+    """Return p' information p."""
     n = p.size
     for j in range(n):
         g[j] = 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ log = logging.getLogger(__name__)
 REST_VARIANCE = 1e-4**2  # m², of the displacement of a tool at rest within one epoch
 LEAST_VARIANCE = 1e-5**2  # m², of any displacement
 STRAIGHT_M = 50.0  # way over which the azimuth of straight pipe strays by itself
+WOBBLE_DENSITY = 4.0 * math.radians(0.15) ** 2 * 10.0  # m² per m: the wobble over a long way, where it is no state
 RIDE_DENSITY = 2e-7  # m² per m: what is left of the ride across the pipe when the wobble is a state
 
 
@@ -42,7 +44,7 @@ class TravelAid:
     tilt: Floats
 
     def with_noise(self, along: float, right: float, up: float, rest: float = REST_VARIANCE) -> TravelAid:
-        """Return the aid with a factor on the odometer's own variance along, densities (m² per m) right and up, and that at rest (m²)."""
+        """Return the aid with a factor on the variance along, densities (m² per m) right and up, a variance at rest (m²)."""
         known = self.variance[:, 0] > 0
         moving, still = known & ~self.stationary, known & self.stationary
         variance = self.variance.copy()

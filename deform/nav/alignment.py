@@ -11,17 +11,22 @@ from numpy.typing import NDArray
 
 from deform.errors import Fault, InputError
 from deform.geometry import earth
-from deform.geometry.rotation import matrix_to_attitude
-from deform.nav import _kernels, _kernels_alignment
+from deform.geometry.rotation import matrix_to_attitude, matrix_to_rotation_vector
+from deform.nav import _kernels
 from deform.nav.aiding import TravelAid
+from deform.nav.inertial_alignment import First, coarse, fine, record
 from deform.nav.strapdown import Counts, Epochs
 from deform.run.raw import ImuHeader, RunHeader
 
 Floats = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
-LEAST_REST_S = 45.0
-MOTION_S = 900.0
+LEAST_REST_S = 45.0  # below it the random walk of any gyro leaves no azimuth
+GOOD_REST_S = 300.0  # from it on a quiet rest is as good as anything
+MOTION_S = 900.0  # of data to align on in motion; biases wander beyond
+LEAST_TRAVEL_M = 0.005  # of an epoch in which a tool moves: two pulses
+LEAST_TURN_RAD = 1e-3  # by which the earth must have turned gravity
+QUIET_SIGMA, QUIET_PULSES = 5.0, 4.0  # random walks, and pulses of the gyros, by which a tool at rest may seem to turn
 
 
 @dataclass(frozen=True)
@@ -33,7 +38,8 @@ class Alignment:
     attitude : matrix (3, 3), body to east, north, up, at ``time``.
     time : s on the tool's clock.
     sigma : (3,) standard deviation (radian) of the turning error about east, north, up.
-    method : ``static``, ``in motion`` or ``given``.
+    method : ``static`` (levelling and gyrocompassing), ``zero velocity`` (filter over a rest that is not quiet), ``in motion``
+        (filter over motion) or ``in motion, coarse``.
     span : (begin, end) of the data used (s).
     """
 
@@ -42,6 +48,14 @@ class Alignment:
     sigma: Floats
     method: str
     span: tuple[float, float]
+
+    @property
+    def angle_sigma(self) -> tuple[float, float, float]:
+        """Standard deviations of azimuth, pitch, roll (degree); pitch and roll turn about the level axes across and along."""
+        forward = self.attitude[:2, 1] / max(float(np.hypot(*self.attitude[:2, 1])), 1e-9)
+        east, north, up = np.degrees(self.sigma)
+        pitch, roll = math.hypot(east * forward[1], north * forward[0]), math.hypot(east * forward[0], north * forward[1])
+        return float(up), pitch, roll
 
     @property
     def angles(self) -> tuple[float, float, float]:
@@ -142,74 +156,125 @@ def _axis_fault(rate: Floats, up: Floats, expected: float, doubt: float, vertica
     return Fault("imu.nc", "gyro_count", said, "check gyro_pulse_rad, sensor_to_body and the latitude of the launch")
 
 
-def alignment_in_motion(epochs: Epochs, speeds: Floats, latitude_deg: float, height: float, imu: ImuHeader) -> Alignment:
+def alignment_in_motion(epochs: Epochs, aid: TravelAid, header: RunHeader, method: str = "in motion") -> Alignment:
     """Return the attitude at the first bound from epochs in which the tool may move along its axis.
 
     Parameters
     ----------
     epochs : the stretch to align on; some minutes, for the earth's turn must show.
-    speeds : (epoch + 1,) m/s at the bounds.
+    aid : displacements by the odometer and rests; those of the first epochs are taken.
+    header : launch and the maker's figures.
+    method : what the result is called.
 
     Notes
     -----
-    With B the gyros' turn since the start and N that of the local level frame (earth and transport rate), the equation of motion
-    integrates to C (B v - v0 - ∫ B f + ∫ ω_ie × v) = ∫ N g: the unknown first attitude C turns one known vector into another
-    at every epoch. Their rotation by all of them is Wahba's problem, solved by singular values; what the earth turned gravity
-    by in the meantime carries the azimuth, and is its sigma: drift / Ω cos φ, and the white errors of the vectors over that turn.
-    Earth-rate and transport terms need C and are iterated.
+    Coarse over all vectors, then the filter over the same record, back to its beginning until the attitude stands: see
+    `inertial_alignment`. Should the filter end further from the coarse attitude than both can be wrong, the coarse one is kept.
 
     References
     ----------
-    Li et al. (2012), eq. 1 to 23 (the odometer in the place of the Doppler log; 23 is singular for equal directions, all vectors
-    are used instead); Markley (1988), J. Astronaut. Sci. 36, 245-258.
+    Li et al. (2012); Porter (1990), section 3.5.
 
     Raises
     ------
     InputError
         When the stretch is too short for gravity to have turned.
     """
-    n = len(epochs.table)
-    alpha, beta, span = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
-    attitude = np.eye(3)
-    latitude = math.radians(latitude_deg)
-    for _ in range(4):
-        _kernels_alignment.inertial_vectors(epochs.table, speeds, (0.0, 1.0, 0.0), attitude, latitude, height, alpha, beta, span)
-        attitude = wahba(alpha[span > 1.0], beta[span > 1.0])
-    turned = earth.EARTH_RATE * math.cos(latitude) * span[-1]
-    if turned < 1e-3:
-        rule = f"lasts {span[-1]:.1f} s; gravity turns by {math.degrees(turned):.4f} degree in it, too little for an azimuth"
+    launch, imu = header.launch, header.imu
+    span = float(epochs.duration.sum())
+    earth_north = earth.EARTH_RATE * math.cos(math.radians(launch.latitude_deg))
+    turned = earth_north * span
+    if turned < LEAST_TURN_RAD:
+        rule = f"lasts {span:.1f} s; gravity turns by {math.degrees(turned):.4f} degree in it, too little for an azimuth"
         raise InputError(Fault("imu.nc", "time", rule, "give the alignment a minute of data at least"))
-    drift = math.radians(imu.gyro_bias_deg_per_h) / 3600.0 / (earth.EARTH_RATE * math.cos(latitude))
-    walk = math.radians(imu.gyro_random_walk_deg_per_sqrt_h) / 60.0 * math.sqrt(span[-1]) / turned
-    rest = np.linalg.norm(alpha @ attitude.T - beta, axis=1)[span > 1.0] / np.linalg.norm(beta, axis=1)[span > 1.0]
-    tilt = math.hypot(math.hypot(imu.accel_bias_ug, imu.accel_scale_ppm) * 1e-6, float(np.median(rest)))
-    azimuth = math.sqrt(drift**2 + 3.0 * walk**2 + (float(np.median(rest)) / turned) ** 2 + (tilt * math.tan(latitude)) ** 2)
-    result = Alignment(attitude, float(epochs.time[0]), np.array([tilt, tilt, azimuth]), "in motion",
-                       (float(epochs.time[0]), float(epochs.time[-1])))  # fmt: skip
-    log.info("alignment in motion over %.0f s: azimuth %.3f, pitch %.3f, roll %.3f degree, azimuth sigma %.3f degree",
-             span[-1], *result.angles, math.degrees(azimuth))  # fmt: skip
+    kept = record(epochs, aid)
+    first, off = coarse(kept, launch.latitude_deg, launch.height_m)
+    rough = _coarse_sigma(imu, off, span, turned, launch.latitude_deg)
+    found = fine(kept, first, header)
+    sigma = np.sqrt(np.diag(found.covariance))
+    moved = matrix_to_rotation_vector(found.attitude @ first.T)
+    if np.any(np.abs(moved) > 6.0 * np.hypot(rough, sigma)) or not np.isfinite(sigma).all():
+        log.warning("the fine alignment leads %.2f degree away from the coarse one: the coarse one is used",
+                    math.degrees(float(np.linalg.norm(moved))))  # fmt: skip
+        result = Alignment(first, float(epochs.time[0]), np.maximum(rough, np.abs(moved)), f"{method}, coarse", _span(epochs))
+    else:
+        result = Alignment(found.attitude, float(epochs.time[0]), sigma, method, _span(epochs))
+        _tell_of(found)
+    log.info("alignment %s over %.0f s: azimuth %.3f, pitch %.3f, roll %.3f degree, azimuth sigma %.3f degree",
+             result.method, span, *result.angles, math.degrees(result.sigma[2]))  # fmt: skip
     return result
 
 
-def wahba(alpha: Floats, beta: Floats) -> Floats:
-    """Return the rotation C that brings the vectors alpha (n, 3) nearest to beta (n, 3), C alpha = beta."""
-    u, _, v = np.linalg.svd(beta.T @ alpha)
-    return u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(v)]) @ v
+def _coarse_sigma(imu: ImuHeader, off: Floats, span: float, turned: float, latitude_deg: float) -> Floats:
+    """Sigma about east, north, up of the coarse attitude: drift, random walk, and what the vectors stay off over the turn."""
+    drift = math.radians(imu.gyro_bias_deg_per_h) / 3600.0 / (turned / span)
+    walk = math.radians(imu.gyro_random_walk_deg_per_sqrt_h) / 60.0 * math.sqrt(span) / turned
+    rest = float(np.median(off))
+    tilt = math.hypot(math.hypot(imu.accel_bias_ug, imu.accel_scale_ppm) * 1e-6, rest)
+    tangent = math.tan(math.radians(latitude_deg))
+    azimuth = math.sqrt(drift**2 + 3.0 * walk**2 + (3.0 * rest / turned) ** 2 + (tilt * tangent) ** 2)
+    return np.array([tilt, tilt, azimuth])
+
+
+def _tell_of(found: First) -> None:
+    kinds = ("across the tool in motion", "along the tool in motion", "at rest")
+    worse = [f"{kind} {math.sqrt(w):.1f} times" for kind, w in zip(kinds, found.worse, strict=True) if w > 4.0]
+    if worse:
+        log.info("alignment: the odometer's aid was worse than stated: %s its sigma", ", ".join(worse))
+
+
+def _span(epochs: Epochs) -> tuple[float, float]:
+    return float(epochs.time[0]), float(epochs.time[-1])
+
+
+def is_quiet(counts: Counts, epochs: Epochs, header: RunHeader) -> bool:
+    """Say whether a tool at rest does not turn against the earth.
+
+    Notes
+    -----
+    The turn less its mean rate must stay within what the gyros' random walk and pulses make of it; a rocking tool leaves that
+    band. The mean rate itself cannot tell, for it is the earth's rate and the gyros' drift.
+    """
+    matrix = epochs.table[:, _kernels.TURN : _kernels.TURN + 9].reshape(-1, 3, 3)
+    turn = np.cumsum(matrix_to_rotation_vector(matrix), axis=0)  # a tool at rest turns about one axis, the earth's
+    passed = np.cumsum(epochs.duration)
+    left = turn - turn[-1] * (passed / passed[-1])[:, None]
+    walk = math.radians(header.imu.gyro_random_walk_deg_per_sqrt_h) / 60.0 * math.sqrt(float(passed[-1]))
+    return bool(np.abs(left).max() < QUIET_SIGMA * walk + QUIET_PULSES * counts.gyro_pulse)
 
 
 def align(counts: Counts, epochs: Epochs, travel: TravelAid, header: RunHeader) -> Alignment:
-    """Return the attitude at the first bound, by the way that the data allow: at rest, else in motion; logged."""
+    """Return the attitude at the first bound, by the way that the data allow; choice and result are logged.
+
+    Notes
+    -----
+    A quiet rest: levelling and gyrocompassing with the mean rate, which no filter betters, for it knows that the tool does not
+    turn. A rest that is not quiet: the filter with zero velocity. Short of `GOOD_REST_S` of rest the filter over rest and
+    motion is tried as well, and the surer of the two azimuths is taken.
+    """
     launch = header.launch
-    moving = np.flatnonzero(~travel.stationary)
+    moving = np.flatnonzero(travel.travel > LEAST_TRAVEL_M)  # a tool that is rocked at rest is not stationary, yet goes nowhere
     end = int(moving[0]) if moving.size else len(epochs.table)
-    seconds = float(epochs.time[end] - epochs.time[0])
-    if seconds >= LEAST_REST_S:
-        last = int(epochs.bounds[end])
-        return static_alignment(counts, 0, last, launch.latitude_deg, launch.height_m, header.imu)
-    if launch.static_s >= LEAST_REST_S:
-        log.warning(
-            "run.toml says a rest of %.0f s at the launch, the wheels and the inertial unit say %.0f s", launch.static_s, seconds
-        )
-    last = min(int(np.searchsorted(epochs.time, epochs.time[0] + MOTION_S)), len(epochs.table))
-    part = Epochs(epochs.bounds[: last + 1], epochs.time[: last + 1], epochs.table[:last])
-    return alignment_in_motion(part, travel.speeds[: last + 1], launch.latitude_deg, launch.height_m, header.imu)
+    rest = float(epochs.time[end] - epochs.time[0])
+    found: list[Alignment] = []
+    if rest >= LEAST_REST_S:
+        stretch = first_epochs(epochs, end)
+        if is_quiet(counts, stretch, header):
+            args = (launch.latitude_deg, launch.height_m, header.imu)
+            found.append(static_alignment(counts, 0, int(epochs.bounds[end]), *args))
+        else:
+            log.info("the tool is rocked while it rests for %.0f s: aligned by zero velocity, not by its mean rate", rest)
+            found.append(alignment_in_motion(stretch, travel, header, "zero velocity"))
+    elif launch.static_s >= LEAST_REST_S:
+        said = "run.toml says a rest of %.0f s at the launch, the wheels and the inertial unit say %.0f s"
+        log.warning(said, launch.static_s, rest)
+    if rest < GOOD_REST_S:
+        last = min(int(np.searchsorted(epochs.time, epochs.time[0] + MOTION_S)), len(epochs.table))
+        if not found or last > end:
+            found.append(alignment_in_motion(first_epochs(epochs, last), travel, header))
+    return min(found, key=lambda a: float(a.sigma[2]))
+
+
+def first_epochs(epochs: Epochs, count: int) -> Epochs:
+    """Return the first epochs."""
+    return Epochs(epochs.bounds[: count + 1], epochs.time[: count + 1], epochs.table[:count])

@@ -1,45 +1,25 @@
-"""The maker's figures of an inertial unit in, the table of coefficients that the kernels take off each count out."""
+"""The known errors of an inertial unit in, the table of coefficients that the kernels take off each count out."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deform.nav import _kernels
-from deform.run.raw import ImuHeader, Triple
+from deform.run.raw import Compensation, ImuHeader
 
-ZERO: Triple = (0.0, 0.0, 0.0)
+PER_HOUR = math.radians(1.0) / 3600.0
+STANDARD_GRAVITY = 9.80665
 
 
-@dataclass(frozen=True)
-class Coefficients:
-    """Known errors of the six sensors, per sensor axis; all zero when the maker gives none.
+def compensation_table(imu: ImuHeader) -> NDArray[np.float64]:
+    """Return the table of compensation (15, 3) for the kernels: sensor errors per axis, then the mounting of both triads.
 
     Parameters
     ----------
-    gyro_drift : rad/s.
-    gyro_scale, accel_scale : dimensionless.
-    gyro_scale_asymmetry, accel_scale_asymmetry : dimensionless, of the absolute value.
-    mass_unbalance_spin, mass_unbalance_input : rad/s per m/s², along the spin axis and along the input axis.
-    spin_axis : index of the sensor axis along which the rotor of each gyro spins (mechanical gyros only).
-    accel_bias : m/s².
-    """
-
-    gyro_drift: Triple = ZERO
-    gyro_scale: Triple = ZERO
-    gyro_scale_asymmetry: Triple = ZERO
-    mass_unbalance_spin: Triple = ZERO
-    mass_unbalance_input: Triple = ZERO
-    spin_axis: tuple[int, int, int] = (0, 1, 2)
-    accel_bias: Triple = ZERO
-    accel_scale: Triple = ZERO
-    accel_scale_asymmetry: Triple = ZERO
-
-
-def compensation_table(imu: ImuHeader, coefficients: Coefficients | None = None) -> NDArray[np.float64]:
-    """Return the table of compensation (15, 3) for the kernels: sensor errors per axis, then the mounting of both triads.
+    imu : with the table ``[imu.compensation]`` of the run's header, where it has one.
 
     Notes
     -----
@@ -51,17 +31,18 @@ def compensation_table(imu: ImuHeader, coefficients: Coefficients | None = None)
     ----------
     Porter (1990), section 3.4.1 and eq. 3-21, 3-31.
     """
-    c = coefficients or Coefficients()
+    c = imu.compensation or Compensation()
+    per_g = PER_HOUR / STANDARD_GRAVITY
     rows = (
-        c.gyro_drift,
-        c.gyro_scale,
-        c.gyro_scale_asymmetry,
-        c.mass_unbalance_spin,
-        c.mass_unbalance_input,
+        np.multiply(c.gyro_drift_deg_per_h, PER_HOUR),
+        np.multiply(c.gyro_scale_ppm, 1e-6),
+        np.multiply(c.gyro_scale_asymmetry_ppm, 1e-6),
+        np.multiply(c.mass_unbalance_spin_deg_per_h_per_g, per_g),
+        np.multiply(c.mass_unbalance_input_deg_per_h_per_g, per_g),
         c.spin_axis,
-        c.accel_bias,
-        c.accel_scale,
-        c.accel_scale_asymmetry,
+        np.multiply(c.accel_bias_ug, 1e-6 * STANDARD_GRAVITY),
+        np.multiply(c.accel_scale_ppm, 1e-6),
+        np.multiply(c.accel_scale_asymmetry_ppm, 1e-6),
     )
     return np.vstack([np.array(rows, float), imu.mounting, imu.mounting])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,17 +12,20 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from deform.nav import odometer, product
-from deform.nav.aiding import RIDE_DENSITY, mark_aid, travel_aid
+from deform.nav.aiding import RIDE_DENSITY, WOBBLE_DENSITY, TravelAid, mark_aid, travel_aid
 from deform.nav.alignment import align
 from deform.nav.arm_tilt import ring_centres
 from deform.nav.compensation import compensation_table
-from deform.nav.error_model import WOBBLE_DEG, compose
+from deform.nav.error_model import compose
 from deform.nav.filter import Problem
 from deform.nav.first_state import first_state
+from deform.nav.product import Checks
+from deform.nav.profile import Profile
+from deform.nav.reverse import agreement
 from deform.nav.sanity import check_motion
-from deform.nav.second_path import reckoning_difference
+from deform.nav.second_path import second_path
 from deform.nav.solution import Solution, solve
-from deform.nav.strapdown import Counts, epoch_bounds, preintegrate
+from deform.nav.strapdown import Counts, Epochs, epoch_bounds, preintegrate
 from deform.options import NavigationOptions
 from deform.run import build
 from deform.run.raw import RawRun
@@ -39,7 +43,8 @@ class Navigation:
     ----------
     trajectory : group ``trajectory`` of the vocabulary (dim ``time``), about the IMU in the pipe, in the direction of travel.
     markers : group ``markers``: each marker with its misclosure before and after, and a remark where it was not believed.
-    diagnostics : group ``navigation``: alignment, biases, mounting, scale with sigmas, innovations, second trajectory.
+    diagnostics : group ``navigation``: alignment, biases, mounting, scale with sigmas, innovations, second trajectory, backward
+        run; attribute ``remarks`` says in words where these contradict the trajectory.
     """
 
     trajectory: xr.Dataset
@@ -71,12 +76,12 @@ def navigate(
     tell(0.25)
     passages = with_control(raw.passages if raw.passages is not None else _no_passages(), control)
     bounds = epoch_bounds(counts.time, options.filter_interval_s, passages["time"].values)
-    epochs = preintegrate(counts, wheels.distance[1:], bounds)
+    epochs = preintegrate(counts, wheels.profile, bounds)
     model = compose(options.error_model, raw.header)
-    across = RIDE_DENSITY if model.index("wobble").stop else 4.0 * np.radians(3.0 * WOBBLE_DEG) ** 2 * 10.0
-    travel = travel_aid(epochs, wheels.speed[1:], wheels.speed_sigma[1:], wheels.stationary[1:], across)
+    across = RIDE_DENSITY if model.index("wobble").stop else WOBBLE_DENSITY
+    travel = aid_of(epochs, wheels.profile, across)
     aligned = align(counts, epochs, travel, raw.header)
-    check_motion(counts, wheels.distance[1:], epochs, travel, aligned)
+    check_motion(counts, wheels.profile, epochs, travel, aligned)
     tell(0.4)
     sigma = np.nan_to_num(np.column_stack([passages["sigma_horizontal"].values, passages["sigma_vertical"].values]), nan=1.0)
     places = np.column_stack(
@@ -86,14 +91,26 @@ def navigate(
     start, aligned = first_state(raw, epochs, marks, aligned, model, float(travel.speeds[0]))
     solution = solve(Problem(epochs, travel, marks, model, start), ring_centres(raw))
     tell(0.8)
-    line = product.trajectory_dataset(raw, counts, solution, wheels, options)
+    with ThreadPoolExecutor(1) as beside:  # the backward run and the trajectory need nothing of each other
+        backward = beside.submit(agreement, solution.problem, solution.filtered, solution.smoothed)
+        line = product.trajectory_dataset(raw, counts, solution, wheels, options)
+        checks = Checks(second_path(solution), backward.result())
+    for remark in checks.remarks:
+        log.warning("run %s: %s", raw.id, remark)
     remarks = _mark_remarks(solution, passages)
     tell(1.0)
     return Navigation(
         line,
         product.marker_dataset(raw, passages, solution, line, remarks),
-        product.diagnostics_dataset(solution, aligned, reckoning_difference(solution)),
+        product.diagnostics_dataset(solution, aligned, checks),
     )
+
+
+def aid_of(epochs: Epochs, profile: Profile, across: float = RIDE_DENSITY) -> TravelAid:
+    """Return the travel measurements of the epochs by the odometer's profile."""
+    speed, sigma, still = profile.per_epoch(epochs.time)
+    single = Epochs(np.arange(epochs.bounds.size), epochs.time, epochs.table)  # one sample an epoch
+    return travel_aid(single, speed, np.append(0.0, sigma), np.append(False, still), across)
 
 
 def counts_of(raw: RawRun) -> Counts:
@@ -107,7 +124,7 @@ def counts_of(raw: RawRun) -> Counts:
         float(imu.attrs["gyro_pulse_rad"]),
         float(imu.attrs["accel_pulse_m_per_s"]),
         compensation_table(raw.header.imu),
-        2.5 * float(np.median(np.diff(time[:10001]))),
+        float(np.median(np.diff(time[:10001]))),
     )
 
 

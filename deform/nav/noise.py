@@ -66,7 +66,8 @@ class Noise:
     @classmethod
     def usual(cls) -> Noise:
         """Noise of a usual tool."""
-        return cls(np.full((WAVES, 2), math.radians(WOBBLE_DEG) ** 2), np.full(2, RIDE_DENSITY), 1.0, np.full(2, BIAS_CORRELATION_S), REST_VARIANCE)
+        wobble = np.full((WAVES, 2), math.radians(WOBBLE_DEG) ** 2)
+        return cls(wobble, np.full(2, RIDE_DENSITY), 1.0, np.full(2, BIAS_CORRELATION_S), REST_VARIANCE)
 
 
 def learn(problem: Problem, filtered: Filtered) -> Problem:
@@ -192,7 +193,7 @@ def _misfit(x: Floats, parts: list[Problem], usual: Floats, buffers: Buffers) ->
 
 
 def _prior(x: Floats, usual: Floats) -> tuple[float, Floats]:
-    """Minus logarithm of the prior: variances near usual ones; those of the wobble alike at neighbouring lengths, right and up."""
+    """Minus logarithm of the prior: variances near usual ones, those of the wobble alike at neighbouring lengths."""
     spread = np.repeat([WOBBLE_SPREAD, RIDE_SPREAD, ALONG_SPREAD, BIAS_SPREAD, REST_SPREAD], [2 * WAVES, 2, 1, 2, 1])
     off = x - usual
     value, slope = 0.5 * float(np.sum((off / spread) ** 2)), off / spread**2

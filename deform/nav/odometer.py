@@ -1,4 +1,4 @@
-"""Counts of redundant wheels in; distance, speed and stops on the IMU's samples out, with slips found and repaired."""
+"""Counts of redundant wheels in; profile of distance, speed and stops out, with slips found and repaired."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from deform.errors import Fault, InputError
 from deform.geometry.resample import robust_sigma
 from deform.nav import _kernels_path
+from deform.nav.profile import Profile
 from deform.options import NavigationOptions
 from deform.run.raw import RawRun
 
@@ -27,6 +28,7 @@ _BEND_SLACK = 0.2  # share of turning rate × radius by which a wheel may fall b
 _SCALE_BLOCK_M = 100.0  # travel over which wear is followed
 _LONE_WHEEL_SIGMA = 0.02  # share of the speed that a slip may take unseen when only one wheel is left
 _SPEED_MODEL_SIGMA = 5e-4  # share of the speed: ride over wall roughness, seen as spread of wheels of one set
+_MOST_BLOCKS = 20_000  # seconds that scales and arms are adjusted to: more of them tell nothing new
 _QUIET_S = 0.5  # no pulse for this long before and after, and a quiet IMU, is a stop
 
 
@@ -42,15 +44,14 @@ class Slip:
 
 @dataclass(frozen=True)
 class OdometerSolution:
-    """Travel along the pipe on the IMU's samples; index 0 is the start of the first sample's interval.
+    """Travel along the pipe, and what was found out about the wheels.
 
     Attributes
     ----------
-    distance : metre along the pipe at the wheel set, never falling, zero at the start; shape (samples + 1,).
-    speed : metre per second, not negative; shape (samples + 1,).
-    speed_sigma : its standard deviation; grows where wheels disagree, are alone or stall. The scale that all wheels share is
-        not in it: that is `OdometerHeader.scale_error` and is estimated by the filter.
-    stationary : true where no wheel turns and the IMU is quiet.
+    profile : distance along the pipe at the wheel set, zero at the start, speed with sigma, and rest. The sigma grows where
+        wheels disagree, are alone or stall. The scale that all wheels share is not in it: that is `OdometerHeader.scale_error`
+        and is estimated by the filter.
+    time : (sample,) of the inertial unit (s).
     wheel_scale : scale of each wheel relative to the mean of the wheels (1), shape (wheels,), NaN for a wheel that is dead.
     wheel_scale_sigma : its standard deviation.
     wheel_arm : arms (right, up) of the wheels in the tool's cross-section found from the bends (metre), shape (wheels, 2).
@@ -59,16 +60,37 @@ class OdometerSolution:
     remarks : what a person should know, in words.
     """
 
-    distance: Floats
-    speed: Floats
-    speed_sigma: Floats
-    stationary: Floats
+    profile: Profile
+    time: Floats
     wheel_scale: Floats
     wheel_scale_sigma: Floats
     wheel_arm: Floats
     slips: tuple[Slip, ...]
     stalls: tuple[tuple[float, float], ...]
     remarks: tuple[str, ...]
+
+    @property
+    def distance(self) -> Floats:
+        """Metre at the start of the first sample's interval and at every sample, shape (samples + 1,)."""
+        return self._on_samples(0)
+
+    @property
+    def speed(self) -> Floats:
+        """Metre per second, not negative, like `distance`."""
+        return self._on_samples(1)
+
+    @property
+    def speed_sigma(self) -> Floats:
+        """Standard deviation of the speed, like `distance`."""
+        return self._on_samples(2)
+
+    @property
+    def stationary(self) -> Floats:
+        """True where no wheel turns and the inertial unit is quiet, like `distance`."""
+        return self._on_samples(3)
+
+    def _on_samples(self, what: int) -> Floats:
+        return self.profile.at(np.concatenate([[self.profile.start], self.time]))[what]
 
 
 @dataclass
@@ -122,12 +144,9 @@ def combine(raw: RawRun, options: NavigationOptions | None = None) -> OdometerSo
         remarks.append(f"{len(slips)} slips repaired, {sum(s.lost_distance for s in slips):.2f} m of wheel travel lost in them")
     for remark in remarks:
         _log.info("odometer of %s: %s", raw.id, remark)
-    distance, speed, speed_sigma, stationary = _on_samples(raw, knots, distance, slope, sigma, still)
     return OdometerSolution(
-        distance,
-        speed,
-        speed_sigma,
-        stationary,
+        Profile(knots.start, knots.step, distance, slope, sigma, still),
+        raw.imu["time"].values,
         wheel_scale=_spread_out(scale, alive, wheels),
         wheel_scale_sigma=_spread_out(scale_sigma, alive, wheels),
         wheel_arm=_spread_out(np.stack([arm[:, 1], -arm[:, 0]], axis=1), alive, wheels),  # (ω × r) along y = ω_z x - ω_x z
@@ -212,6 +231,7 @@ def _scales_and_arms(step: Floats, turning: Floats, good: Floats, reach: float, 
     wheels = step.shape[1]
     if use.sum() < 3:
         return np.zeros(wheels), np.full(wheels, np.nan), np.zeros((wheels, 2))
+    use = np.flatnonzero(use)[:: -(-int(use.sum()) // _MOST_BLOCKS)]
     A = np.column_stack([mean, turns])[use]
     scale, sigma, arm = np.zeros(wheels), np.zeros(wheels), np.zeros((wheels, 2))
     for i in range(wheels):
@@ -299,7 +319,7 @@ def _stalls(knots: _Knots, mean: Floats, good: Floats, remarks: list[str]) -> tu
     limit = _quiet_limit(knots, still)
     stalled = still & (_shake_smoothed(knots) > limit)
     lag = np.zeros(mean.size)
-    found = []
+    found, rocked = [], 0
     for first, last in _stretches(stalled):
         if (last - first) * knots.step < 2.0:
             continue
@@ -307,11 +327,17 @@ def _stalls(knots: _Knots, mean: Floats, good: Floats, remarks: list[str]) -> tu
         first, last = max(first - reach, 1), min(last + reach, mean.size - 1)
         before = mean[max(first - 2 * reach, 0) : first].mean() if first > 1 else 0.0
         after = mean[last : last + 2 * reach].mean() if last < mean.size - 1 else 0.0
+        if before <= 0.0 and after <= 0.0:  # no wheel turns on either side: the tool rests and is rocked, nothing is stalled
+            lag[first:last] = knots.step
+            rocked += last - first
+            continue
         mean[first:last] = np.linspace(before, after, last - first)
         lag[first:last] = knots.step * (1 + np.arange(last - first))
         good[first:last] = True
         found.append((knots.start + first * knots.step, knots.start + last * knots.step))
         remarks.append(f"all wheels stalled from t={found[-1][0]:.1f} s to {found[-1][1]:.1f} s; the speed there is guessed")
+    if rocked:
+        remarks.append(f"shaken while at rest for {rocked * knots.step:.0f} s in all; no zero velocity is taken there")
     return tuple(found), lag
 
 
@@ -361,14 +387,6 @@ def _slips(knots, step, good, mean, alive, stalls) -> tuple[Slip, ...]:
             lost = float((mean[first:last] - step[first:last, column]).sum())
             found.append(Slip(int(wheel), start, end, lost))
     return tuple(sorted(found, key=lambda s: (s.start, s.wheel)))
-
-
-def _on_samples(raw: RawRun, knots: _Knots, distance: Floats, slope: Floats, sigma: Floats, still: Floats) -> tuple[Floats, ...]:
-    times = raw.imu["time"].values
-    n = times.size + 1
-    out = np.empty(n), np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, bool)
-    _kernels_path.knots_to_samples(times, knots.start, knots.start, knots.step, distance, slope, sigma, still, out)
-    return out
 
 
 def _spread_out(values: Floats, alive: Floats, wheels: int) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 from deform.nav import _kernels, _kernels_state
 from deform.nav.alignment import Alignment
 from deform.nav.odometer import OdometerSolution
+from deform.nav.reverse import Agreement
+from deform.nav.second_path import SecondPath
 from deform.nav.solution import NO_WEIGHT, Solution
 from deform.nav.strapdown import Counts
 from deform.nav.trajectory import decimation, trajectory
@@ -19,6 +22,21 @@ from deform.run import build
 from deform.run.raw import RawRun
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Checks:
+    """Independent looks at the same run."""
+
+    second: SecondPath
+    backward: Agreement
+
+    @property
+    def remarks(self) -> list[str]:
+        """What contradicts the trajectory, in words."""
+        return [text for text in (self.second.remark(), self.backward.remark()) if text]
+
+
 MOST_EPOCHS = 20_000  # rows of the diagnostics
 
 
@@ -31,28 +49,22 @@ def trajectory_dataset(
     wanted = np.arange(0, counts.time.size, step)
     if wanted[-1] != counts.time.size - 1:
         wanted = np.append(wanted, counts.time.size - 1)
-    out = np.empty((wanted.size, 12))
+    spread = sigmas(solution)
+    out = np.empty((10 + len(spread), wanted.size))
     offsets = np.searchsorted(wanted, epochs.bounds[:-1])
-    arguments = (*counts.arguments, epochs.bounds, counts.longest_gap, epochs.table, states, wanted, offsets, out)
+    spreads = np.column_stack(list(spread.values()))
+    arguments = (*counts.arguments, epochs.bounds, counts.step, epochs.table, states, spreads, wanted, offsets, out)
     _kernels.expand(*arguments)
+    for row in (0, 1, 6, 7, 8):
+        np.degrees(out[row], out=out[row])
+    out[6] %= 360.0
     time = counts.time[wanted]
-    stationary = wheels.stationary[1:][wanted]
-    values: dict[str, Any] = {
-        "time": time,
-        "log_distance": wheels.distance[1:][wanted],
-        "latitude": np.degrees(out[:, 0]),
-        "longitude": np.degrees(out[:, 1]),
-        "height": out[:, 2],
-        "azimuth": np.degrees(out[:, 6]) % 360.0,
-        "pitch": np.degrees(out[:, 7]),
-        "roll": np.degrees(out[:, 8]),
-        "velocity_east": out[:, 3],
-        "velocity_north": out[:, 4],
-        "velocity_up": out[:, 5],
-        "speed": np.where(stationary, 0.0, np.linalg.norm(out[:, 3:6], axis=1)),
-        "stationary": stationary,
-    }
-    values |= {name: np.interp(time, epochs.time, sigma) for name, sigma in sigmas(solution).items()}
+    distance, _, _, stationary = wheels.profile.at(time)
+    out[9][stationary] = 0.0
+    names = ("latitude", "longitude", "height", "velocity_east", "velocity_north", "velocity_up", "azimuth", "pitch", "roll",
+             "speed", *spread)  # fmt: skip
+    values: dict[str, Any] = {"time": time, "log_distance": distance, "stationary": stationary}
+    values |= dict(zip(names, out, strict=True))
     return trajectory(values, raw.header, raw.passages, raw.weld_events)
 
 
@@ -95,7 +107,7 @@ def marker_dataset(
     return build.dataset("markers", {**values, "used": used, "remark": remark})
 
 
-def diagnostics_dataset(solution: Solution, aligned: Alignment, reckoning: Floats | None) -> xr.Dataset:
+def diagnostics_dataset(solution: Solution, aligned: Alignment, checks: Checks) -> xr.Dataset:
     """Return the group ``navigation``."""
     problem, smoothed = solution.problem, solution.smoothed
     keep = slice(None, None, max(1, -(-problem.epochs.time.size // MOST_EPOCHS)))
@@ -116,13 +128,17 @@ def diagnostics_dataset(solution: Solution, aligned: Alignment, reckoning: Float
         values |= _with_sigma("mounting_azimuth", mounting[0], sigma[0]) | _with_sigma("mounting_pitch", mounting[1], sigma[1])
     if model.at[k.B_DELAY] >= 0:
         values |= _with_sigma("delay", smoothed.states[-1, k.DELAY], smoothed.sigma[-1, model.index("delay")][0])
-    for i, name in enumerate(("pitch", "roll", "azimuth")):
-        angle = dict(zip(("azimuth", "pitch", "roll"), aligned.angles, strict=True))[name]
-        values |= _with_sigma(f"alignment_{name}", angle, float(np.degrees(aligned.sigma[i])))
+    for name, *angle in zip(("azimuth", "pitch", "roll"), aligned.angles, aligned.angle_sigma, strict=True):
+        values |= _with_sigma(f"alignment_{name}", *angle)
     values |= _innovations(solution)
-    if reckoning is not None:
-        values |= {f"reckoning_{axis}": reckoning[keep, i] for i, axis in enumerate(("east", "north", "up"))}
-    return build.dataset("navigation", values, error_model=model.name, alignment_method=aligned.method)
+    second, backward = checks.second, checks.backward
+    for i, axis in enumerate(("east", "north", "up")):
+        values |= _with_sigma(f"reckoning_{axis}", second.difference[keep, i], second.sigma[keep, i])
+        values |= _with_sigma(f"backward_{axis}", backward.difference[:, i], backward.sigma[:, i])
+    values |= _with_sigma("backward_azimuth", *np.degrees([backward.difference[:, 3], backward.sigma[:, 3]]))
+    values["backward_time"] = backward.time
+    words = "\n".join(checks.remarks)
+    return build.dataset("navigation", values, error_model=model.name, alignment_method=aligned.method, remarks=words)
 
 
 def _with_sigma(name: str, value: Any, sigma: Any) -> dict[str, Any]:

@@ -54,7 +54,7 @@ def quick_look(raw: RawRun, gauge_length: float = 2.0, wheels: OdometerSolution 
     Porter (1990), eq. 3-77 to 3-88.
     """
     wheels = wheels or combine(raw)
-    length = float(wheels.distance[-1])
+    length = float(wheels.profile.distance[-1])
     n = int(length / _CELL_M)
     if n * _CELL_M < max(gauge_length, _LEVEL_M) + _CELL_M:
         raise InputError(
@@ -87,10 +87,11 @@ def _per_cell(raw: RawRun, wheels: OdometerSolution, n: int) -> tuple[Floats, Fl
     """Turn (rad) and velocity gathered by specific force (m/s) in body axes, and seconds, of each cell of travel."""
     turn, force, seconds = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n)
     pulses = float(raw.imu.attrs["gyro_pulse_rad"]), float(raw.imu.attrs["accel_pulse_m_per_s"])
-    moving = wheels.speed.astype(float)
+    time = raw.imu["time"].values
+    distance, speed, _, still = wheels.profile.at(np.concatenate([[wheels.profile.start], time]))
     _gather(
-        raw.imu["time"].values, raw.imu["gyro_count"].values, raw.imu["accel_count"].values, *pulses, raw.header.imu.mounting,
-        wheels.distance, moving, wheels.stationary, _CELL_M, turn, force, seconds,
+        time, raw.imu["gyro_count"].values, raw.imu["accel_count"].values, *pulses, raw.header.imu.mounting,
+        distance, speed.astype(float), still, _CELL_M, turn, force, seconds,
     )  # fmt: skip
     empty = seconds <= 0
     if empty.any():

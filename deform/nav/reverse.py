@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,10 +11,17 @@ from numpy.typing import NDArray
 
 from deform.nav import _kernels as k
 from deform.nav import _kernels_state as kernels
-from deform.nav.filter import Filtered, Problem, Start, run_forward
+from deform.nav.filter import Buffers, Filtered, Innovations, Problem, Start, blocks, run_block, run_forward
+from deform.nav.smoother import Smoothed
 from deform.nav.strapdown import Epochs
 
 Floats = NDArray[np.float64]
+log = logging.getLogger(__name__)
+
+PLACES = 40  # at which both directions are compared
+LIMIT_SIGMA = 4.5
+WIDENED = 10.0  # times the smoothed sigma: what the backward run is told of its begin
+LEAST_SIGMA_M = 10.0
 
 
 @dataclass(frozen=True)
@@ -63,6 +72,122 @@ def reversed_epochs(epochs: Epochs) -> Epochs:
     return Epochs(last - epochs.bounds[::-1], epochs.time[-1] - epochs.time[::-1], out)
 
 
+def reversed_problem(problem: Problem, end: Floats, variance: Floats) -> Problem:
+    """Return the problem as it is when time runs backwards, begun at a state at the last bound."""
+    n = problem.epochs.bounds.size - 1
+    travel, marks = problem.travel, problem.marks
+    state = end.copy()
+    state[3:6] *= -1.0
+    state[kernels.GYRO_BIAS : kernels.GYRO_BIAS + 3] *= -1.0
+    return replace(
+        problem,
+        epochs=reversed_epochs(problem.epochs),
+        travel=replace(travel, speeds=-travel.speeds[::-1], variance=travel.variance[::-1].copy(),
+                       stationary=travel.stationary[::-1],
+                       along_shape=travel.along_shape[::-1], travel=travel.travel[::-1], tilt=travel.tilt[::-1].copy()),
+        marks=replace(marks, index=marks.index[::-1], epoch=(n - marks.epoch[::-1]).copy(), place=marks.place[::-1].copy(),
+                      variance=marks.variance[::-1], late=-marks.late[::-1], weight=marks.weight[::-1]),
+        start=Start(state, np.diag(variance)),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Forward and backward run at the same places, neither with the data of the other.
+
+    Parameters
+    ----------
+    time : (place,) s.
+    difference : (place, 4) backward minus forward: east, north, up (m), azimuth (radian).
+    sigma : (place, 4) of the difference.
+    """
+
+    time: Floats
+    difference: Floats
+    sigma: Floats
+
+    @property
+    def square(self) -> float:
+        """Mean square of the differences over their sigmas, about 1 when all sigmas are honest."""
+        return float(np.mean((self.difference / self.sigma) ** 2))
+
+    def remark(self) -> str:
+        """Say where both contradict each other; empty when they agree."""
+        size = np.abs(self.difference) / self.sigma
+        place, what = np.unravel_index(int(np.argmax(size)), size.shape)
+        if size[place, what] < LIMIT_SIGMA:
+            return ""
+        far = np.linalg.norm(self.difference[place, :3])
+        turned = math.degrees(self.difference[place, 3])
+        return (
+            f"forward and backward processing differ by {far:.2f} m and {turned:.3f} degree at t={self.time[place]:.1f} s, "
+            f"{size[place, what]:.1f} sigma: an aid or a sensor is worse there than its sigma says"
+        )
+
+
+def agreement(problem: Problem, filtered: Filtered, smoothed: Smoothed, places: int = PLACES) -> Agreement:
+    """Run backwards from the end and compare with the forward run on the way.
+
+    Parameters
+    ----------
+    problem : with learned noise and final weights of the marks.
+    filtered : its forward pass.
+    smoothed : gives the place and attitude about which the backward run begins, with ten times their sigma.
+    places : number of bounds at which both are compared.
+
+    Notes
+    -----
+    The forward run up to a bound and the backward run down to it share no measurement, only what was known beforehand of the
+    instruments, so that their difference must lie within the root of the sum of both variances. Instruments begin at what the
+    maker says, in both.
+
+    References
+    ----------
+    CN103727938A, step 4.
+    """
+    n = problem.epochs.bounds.size - 1
+    back = reversed_problem(problem, *_end(problem, smoothed))
+    behind = run_forward(back)
+    bounds = np.unique(np.linspace(0, n, places + 2).round().astype(int)[1:-1])
+    rows = []
+    for bound in bounds:
+        x, P = state_before(problem, filtered, int(bound))
+        y, Q = state_before(back, behind, int(n - bound))
+        turn = turning_error(y, x)
+        rows.append((*k.place_difference(y[0:3], x[0:3]), turn[2], *np.sqrt(np.diag(P + Q)[[0, 1, 2, 8]])))
+    table = np.array(rows).reshape(-1, 8)
+    return Agreement(problem.epochs.time[bounds], table[:, :4], table[:, 4:])
+
+
+def state_before(problem: Problem, filtered: Filtered, bound: int) -> tuple[Floats, Floats]:
+    """Return state and covariance before the measurements of a bound, from the checkpoint before it."""
+    starts = [first for first, _ in blocks(problem.epochs.bounds.size)]
+    block = int(np.searchsorted(starts, bound, side="right")) - 1
+    x, P = (a.copy() for a in filtered.checkpoints[block])
+    if bound > starts[block]:
+        run_block(problem, starts[block], bound - 1, x, P, Buffers.of(problem.model.size, 0), Innovations.of(problem))
+    return x, P
+
+
+def turning_error(state: Floats, other: Floats) -> Floats:
+    """Return the turn about east, north, up (radian) from the attitude of another state to that of a state."""
+    D = state[6:15].reshape(3, 3) @ other[6:15].reshape(3, 3).T
+    return 0.5 * np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
+
+
+def _end(problem: Problem, smoothed: Smoothed) -> tuple[Floats, Floats]:
+    """Begin of the backward run: place, velocity and attitude of the smoothed end, widely; instruments as before any data."""
+    state = problem.start.state.copy()
+    state[:15] = smoothed.states[-1, :15]
+    variance = np.diag(problem.start.covariance).copy()
+    sigma = smoothed.sigma[-1]
+    speed = float(np.linalg.norm(state[3:6]))
+    variance[0:3] = np.maximum(WIDENED * sigma[0:3], LEAST_SIGMA_M) ** 2
+    variance[3:6] = (0.05 + 0.1 * speed) ** 2
+    variance[6:9] = np.minimum(WIDENED * sigma[6:9], [0.2, 0.2, 1.0]) ** 2
+    return state, variance
+
+
 def run_backward(problem: Problem, end: Floats, variance: Floats) -> Reversed:
     """Filter the run backwards from a state at its end.
 
@@ -76,28 +201,13 @@ def run_backward(problem: Problem, end: Floats, variance: Floats) -> Reversed:
     -----
     The instruments' parameters keep their meaning: their Jacobians are turned with the epochs, the gyro bias's sign with it.
     """
-    n = problem.epochs.bounds.size - 1
-    travel, marks = problem.travel, problem.marks
-    state = end.copy()
-    state[3:6] *= -1.0
-    state[kernels.GYRO_BIAS : kernels.GYRO_BIAS + 3] *= -1.0
-    back = replace(
-        problem,
-        epochs=reversed_epochs(problem.epochs),
-        travel=replace(travel, speeds=-travel.speeds[::-1], variance=travel.variance[::-1].copy(),
-                       stationary=travel.stationary[::-1],
-                       along_shape=travel.along_shape[::-1], travel=travel.travel[::-1], tilt=travel.tilt[::-1].copy()),
-        marks=replace(marks, index=marks.index[::-1], epoch=(n - marks.epoch[::-1]).copy(), place=marks.place[::-1].copy(),
-                      variance=marks.variance[::-1], late=-marks.late[::-1], weight=marks.weight[::-1]),
-        start=Start(state, np.diag(variance)),
-    )  # fmt: skip
+    back = reversed_problem(problem, end, variance)
     filtered = run_forward(back)
     x = filtered.end.copy()
     x[3:6] *= -1.0
     x[kernels.GYRO_BIAS : kernels.GYRO_BIAS + 3] *= -1.0
     first = problem.start.state
     place = k.place_difference(x[0:3], first[0:3])
-    D = x[6:15].reshape(3, 3) @ first[6:15].reshape(3, 3).T
-    turn = 0.5 * np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
+    turn = turning_error(x, first)
     sigma = np.sqrt(np.diag(filtered.covariance + problem.start.covariance)[:9])
     return Reversed(filtered, x, np.concatenate([place, x[3:6] - first[3:6], turn]), sigma)

@@ -9,6 +9,7 @@ from deform.errors import Fault, InputError
 from deform.nav import _kernels
 from deform.nav.aiding import TravelAid
 from deform.nav.alignment import Alignment
+from deform.nav.profile import Profile
 from deform.nav.strapdown import Counts, Epochs, preintegrate
 
 Floats = NDArray[np.float64]
@@ -18,7 +19,7 @@ LARGEST_TILT_DEG = 3.0
 AXES = ("x (right)", "y (forward)", "z (up)")
 
 
-def check_motion(counts: Counts, distance: Floats, epochs: Epochs, travel: TravelAid, aligned: Alignment) -> None:
+def check_motion(counts: Counts, profile: Profile, epochs: Epochs, travel: TravelAid, aligned: Alignment) -> None:
     """Hold gyros against accelerometers, and accelerometers against the odometer, while the tool moves.
 
     Notes
@@ -38,7 +39,7 @@ def check_motion(counts: Counts, distance: Floats, epochs: Epochs, travel: Trave
     up = aligned.attitude[2]
     tilt = gravity_error_deg(epochs.table[:last], up)
     if tilt > LARGEST_TILT_DEG:
-        raise InputError(_reversed_axis(counts, distance, epochs.bounds[: last + 1], up, tilt))
+        raise InputError(_reversed_axis(counts, profile, epochs.bounds[: last + 1], up, tilt))
     slope = speed_slope(epochs.table[:last], travel.speeds[: last + 1], up)
     if slope is not None and slope < 0.0:
         rule = f"the force along {AXES[1]} falls where the odometer's speed rises (slope {slope:.2f}, it must be near 1)"
@@ -78,7 +79,7 @@ def _turned(table: Floats, up: Floats) -> Floats:
     return out
 
 
-def _reversed_axis(counts: Counts, distance: Floats, bounds: NDArray, up: Floats, tilt: float) -> Fault:
+def _reversed_axis(counts: Counts, profile: Profile, bounds: NDArray, up: Floats, tilt: float) -> Fault:
     """Try each gyro axis, and each accelerometer axis, the other way round."""
     said = f"gyros and accelerometers disagree on the vertical by {tilt:.1f} degree in motion"
     found: list[tuple[float, str, str]] = []
@@ -90,7 +91,7 @@ def _reversed_axis(counts: Counts, distance: Floats, bounds: NDArray, up: Floats
             table = counts.table.copy()
             table[rows + axis] *= -1.0
             first = up * np.where(np.arange(3) == axis, -1.0, 1.0) if triad == "accelerometer" else up
-            turned = preintegrate(_with_table(counts, table), distance, bounds)
+            turned = preintegrate(_with_table(counts, table), profile, bounds)
             found.append((gravity_error_deg(turned.table, first), f"{triad} axis {AXES[axis]}", field))
     best = min(found)
     if best[0] < 0.3 * tilt:
@@ -99,4 +100,4 @@ def _reversed_axis(counts: Counts, distance: Floats, bounds: NDArray, up: Floats
 
 
 def _with_table(counts: Counts, table: Floats) -> Counts:
-    return Counts(counts.time, counts.gyro, counts.accel, counts.gyro_pulse, counts.accel_pulse, table, counts.longest_gap)
+    return Counts(counts.time, counts.gyro, counts.accel, counts.gyro_pulse, counts.accel_pulse, table, counts.step)

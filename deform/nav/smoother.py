@@ -23,7 +23,7 @@ class Smoothed:
     ----------
     states : (bound, STATE_COLUMNS).
     sigma : (bound, n) standard deviations of the error state: position east, north, up (m), velocity, turning error (radian), ...
-    direction_sigma : (bound, 2) of the pipe's direction, attitude and what the tool does in the pipe together, right, up (radian).
+    direction_sigma : (bound, 2) of the pipe's direction, attitude and wobble together, to the right and up (radian).
     """
 
     states: Floats

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from deform.nav import _kernels
 from deform.nav._kernels import COLUMNS
+from deform.nav.profile import Profile
 
 Floats = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ class Counts:
     gyro, accel : (sample, 3) pulses since the sample before.
     gyro_pulse, accel_pulse : radian and m/s of one pulse.
     table : (15, 3) from `compensation.compensation_table`.
-    longest_gap : interval (s) beyond which samples are missing.
+    step : usual interval (s); well beyond it samples are missing.
     """
 
     time: Floats
@@ -32,7 +33,7 @@ class Counts:
     gyro_pulse: float
     accel_pulse: float
     table: Floats
-    longest_gap: float
+    step: float
 
     @property
     def arguments(self) -> tuple:
@@ -87,8 +88,13 @@ def epoch_bounds(time: Floats, interval: float, extra: Floats | None = None) -> 
     return np.unique(np.concatenate([[0], index, [time.size - 1]])).astype(np.int64)
 
 
-def preintegrate(counts: Counts, distance: Floats, bounds: NDArray[np.int64]) -> Epochs:
+def preintegrate(counts: Counts, travel: Profile | Floats, bounds: NDArray[np.int64]) -> Epochs:
     """Integrate the counts between the bounds in body axes: turn, velocity, position, their Jacobians, and the travel.
+
+    Parameters
+    ----------
+    travel : the odometer's profile, of which the distance is taken; or distances (sample,) of samples at regular times (m).
+    bounds : (epoch + 1,) sample indices, from `epoch_bounds`.
 
     Notes
     -----
@@ -103,8 +109,9 @@ def preintegrate(counts: Counts, distance: Floats, bounds: NDArray[np.int64]) ->
     Savage (1998), J. Guidance 21, 19-28 and 208-221; Porter (1990), eq. 3-37; CN103727938A, step 3 (filter at 1 s, transition
     accumulated at the navigation rate).
     """
+    profile = travel if isinstance(travel, Profile) else Profile.through(counts.time, travel)
     table = np.empty((bounds.size - 1, COLUMNS))
-    arguments = (*counts.arguments, distance, bounds, counts.longest_gap, table)
+    arguments = (*counts.arguments, *profile.arguments, bounds, counts.step, table)
     _kernels.preintegrate(*arguments)
     return Epochs(bounds, counts.time[bounds], table)
 

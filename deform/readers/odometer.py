@@ -120,10 +120,11 @@ def _possible_speed(count: np.ndarray, time: np.ndarray, pulse: float, findings:
     if time.size < 2:
         findings.fault(FILE, "time", "has one sample only; the recording is empty")
         return
-    step = max(1, round(1.0 / max(float(np.median(np.diff(time))), 1e-9)))
+    usual = clock.usual_step(time)
+    step = max(1, round(1.0 / max(usual, 1e-9)))
     travel = np.median(np.diff(count[::step], axis=0), axis=1) * pulse if count[::step].shape[0] > 1 else np.zeros(1)
     moving = travel[travel > 0]
-    speed = float(np.median(moving) / (step * np.median(np.diff(time)))) if moving.size else 0.0
+    speed = float(np.median(moving) / (step * usual)) if moving.size else 0.0
     if speed > _FASTEST_M_PER_S:
         findings.fault(
             FILE, "count", f"gives a speed of {speed:.4g} m/s; no tool runs so fast", "attribute pulse_m may be in millimetre"

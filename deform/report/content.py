@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,26 @@ import deform.vocabulary as vocabulary
 from deform.errors import DeformError, Fault, InputError
 from deform.run import store
 
-_TABLES = ("zones", "dents", "trends", "joints", "welds")
-_GROUPS = ("centreline", "welds", "dents", "markers", "features", "navigation")
+TABLES = ("zones", "dents", "trends", "joints", "welds")  # of the contract; others are shown as they are found
+_GROUPS = ("welds", "dents", "markers", "features", "navigation")
+# Of the long arrays only what a report shows is read, and held in single precision where that is finer than any picture.
+_CENTRELINE = (
+    *("latitude", "longitude", "height", "time", "speed", "azimuth", "azimuth_sigma", "pitch", "tool_roll"),
+    *("east_sigma", "north_sigma", "up_sigma", "curvature_horizontal", "curvature_vertical", "ovality", "diameter_min"),
+    *("bending_strain", "bending_strain_horizontal_sigma"),
+)
+_COMPARISON = (
+    "run_chainage",
+    *(
+        f"{name}{end}"
+        for name in (
+            *(f"displacement_{axis}" for axis in ("east", "north", "up", "lateral")),
+            *(f"{what}_change_{way}" for what in ("bending_strain", "curvature") for way in ("horizontal", "vertical")),
+        )
+        for end in ("", "_sigma")
+    ),
+)
+_DOUBLE = ("latitude", "longitude", "time", "run_chainage")
 
 
 @dataclass(frozen=True)
@@ -28,8 +47,8 @@ class Content:
     folder : the folder.
     line : name of the line.
     survey : content of ``survey.json``.
-    runs : runs in the order of their dates, without the wall maps (`wall_window` reads those piecewise).
-    comparison : ``comparison.nc`` or None.
+    runs : runs in the order of their dates, with what of the centreline is shown; wall maps are read piecewise by `wall_window`.
+    comparison : what of ``comparison.nc`` is shown, or None.
     tables : the tables of the contract by name, empty ones for those absent; ``limits`` and others as they were found.
     absent : (what, why) of everything that was not there or not readable.
     """
@@ -68,12 +87,22 @@ class Content:
         return run[group].to_dataset() if group in run.children else None
 
     @property
+    def k_sigma(self) -> float:
+        """How many sigma a change must exceed, as the survey chose it."""
+        return float(self.survey.get("options", {}).get("change", {}).get("k_sigma", 3.0))
+
+    @property
+    def epochs(self) -> list[str]:
+        """Names of the runs in the comparison."""
+        return [] if self.comparison is None else [str(name) for name in self.comparison["epoch"].values]
+
+    @property
     def outside_diameter(self) -> float:
         """Outside diameter (m) of the reference run, else of the first run that states it, else NaN."""
         stated = [float(run.attrs.get("outside_diameter_m", np.nan)) for run in [self.run(self.reference), *self.runs]]
         return next((diameter for diameter in stated if np.isfinite(diameter)), np.nan)
 
-    @property
+    @cached_property
     def compares_movement(self) -> bool:
         """True when the comparison holds a displacement or a change of strain, not only the map between the runs."""
         names = ("displacement_lateral", "displacement_up", "bending_strain_change_horizontal", "bending_strain_change_vertical")
@@ -95,8 +124,8 @@ def read_content(folder: Path) -> Content:
     runs = []
     for path in sorted([*folder.glob("runs/*.nc"), *folder.glob("runs/*.zarr")]):
         try:
-            runs.append(store.read_run(path, groups=_GROUPS))
-        except DeformError as fault:
+            runs.append(_run(path))
+        except (DeformError, OSError) as fault:
             absent.append((f"runs/{path.name}", str(fault)))
     if not runs:
         raise InputError(Fault(str(folder), "runs", "holds no readable run", "; ".join(why for _, why in absent)))
@@ -104,13 +133,39 @@ def read_content(folder: Path) -> Content:
     comparison = None
     if (folder / "comparison.nc").exists():
         try:
-            comparison = store.read_dataset(folder / "comparison.nc")
-        except (DeformError, OSError, ValueError) as fault:
+            comparison = _shown(folder / "comparison.nc", None, _COMPARISON)
+        except (DeformError, OSError, ValueError, RuntimeError) as fault:
             absent.append(("comparison.nc", str(fault)))
     elif len(runs) > 1:
         absent.append(("comparison.nc", "not written: the runs were not compared along the line"))
     line = str(survey.get("line") or runs[0].attrs.get("line") or folder.name)
     return Content(folder, line, survey, runs, comparison, _tables(folder, absent), absent)
+
+
+def _run(path: Path) -> xr.DataTree:
+    """Return a run with its small groups, and of its centreline what is shown."""
+    run = store.read_run(path, groups=_GROUPS)
+    try:
+        centreline = _shown(path, "centreline", _CENTRELINE)
+    except (OSError, KeyError, ValueError):  # a listing without coordinates has none
+        return run
+    return xr.DataTree(xr.Dataset(attrs=run.attrs), children={**run.children, "centreline": xr.DataTree(centreline)})
+
+
+def _shown(path: Path, group: str | None, names: tuple[str, ...]) -> xr.Dataset:
+    """Return the named variables of a group that are there, read one by one."""
+    with xr.open_dataset(path, engine=_engine(path), group=group, decode_times=False) as ds:
+        found = {}
+        for name in names:
+            if name in ds:
+                values = ds[name].load().drop_encoding()
+                found[name] = values if name in _DOUBLE else values.astype(np.float32)
+        coords = {name: values.load().drop_encoding() for name, values in ds.coords.items()}
+        return xr.Dataset(found, coords, ds.attrs)
+
+
+def _engine(path: Path) -> str:
+    return "zarr" if path.suffix == ".zarr" else "netcdf4"
 
 
 def wall_window(content: Content, run: str, chainage: float, half_length: float) -> xr.Dataset | None:
@@ -121,9 +176,8 @@ def wall_window(content: Content, run: str, chainage: float, half_length: float)
     path = next(iter(content.folder.glob(f"runs/{run}.*")), None)
     if path is None:
         return None
-    engine = "zarr" if path.suffix == ".zarr" else "netcdf4"
     try:
-        with xr.open_dataset(path, engine=engine, group="caliper", decode_times=False) as wall:
+        with xr.open_dataset(path, engine=_engine(path), group="caliper", decode_times=False) as wall:
             at = np.asarray(wall["chainage"].values, float)
             first, last = np.searchsorted(at, [chainage - half_length, chainage + half_length])
             if last - first < 5:
@@ -152,7 +206,7 @@ def _survey(folder: Path, absent: list[tuple[str, str]]) -> dict:
 
 def _tables(folder: Path, absent: list[tuple[str, str]]) -> dict[str, pd.DataFrame]:
     tables = {}
-    for name in _TABLES:
+    for name in TABLES:
         path = folder / "tables" / f"{name}.csv"
         tables[name] = _empty(name)
         if not path.exists():

@@ -28,7 +28,7 @@ def dent_views(content: Content, dents: list[dict]) -> tuple[list[dict[str, Any]
         window = dent_dataset(content, dent)
         picture = None
         if window is not None:
-            picture = themed_svg(figures.dent_card(window))
+            picture = themed_svg(figures.dent_card(window), f"Dent {dent['id']}: wall, profiles and section of every run")
             surfaces[dent["id"]] = _surface(window)
         if picture is not None or len(dent["epochs"]) > 1:
             cards.append({"dent": dent, "picture": picture})
@@ -46,11 +46,11 @@ def dent_dataset(content: Content, dent: dict) -> xr.Dataset | None:
     for epoch in dent["epochs"]:
         if epoch["status"] in _UNMEASURED:
             continue
-        wall = wall_window(content, epoch["run"], epoch["chainage"], half + 0.1)
+        wall = wall_window(content, epoch["run"], epoch["run_chainage"], half + 0.1)
         if wall is None:
             continue
         clock = wall["clock"].values if clock is None else clock
-        found[epoch["run"]] = _on_grid(wall, epoch["chainage"] + distance, clock)
+        found[epoch["run"]] = _on_grid(wall, epoch["run_chainage"] + distance, clock)
     if clock is None:
         return None
     radius = np.nanmedian([r for _, r in found.values()])
@@ -65,7 +65,7 @@ def dent_dataset(content: Content, dent: dict) -> xr.Dataset | None:
 
 
 def _half_length(dent: dict) -> float:
-    lengths = [e["length_value"] for e in dent["epochs"] if np.isfinite(e["length_value"])]
+    lengths = [e["length"].value for e in dent["epochs"] if e["length"]]
     return float(np.clip(1.5 * max(lengths, default=0.3), 0.3, 1.2))
 
 

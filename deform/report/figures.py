@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from deform.report.style import DEPTH_COLOURS, FAINT, INK, MATPLOTLIB, epoch_style
+from deform.palette import DEPTH_LEAST
+from deform.report.style import DEPTH_COLOURS, FAINT, INK, MATPLOTLIB, QUIET, epoch_style
 from deform.units import clock_text
 
+_WIDTH, _HEIGHT = 9.2, 4.95
 _DEPTH_IMAGE = {"cmap": DEPTH_COLOURS, "interpolation": "bilinear"}
 
 
@@ -20,36 +24,43 @@ def dent_card(window: xr.Dataset) -> Figure:
     ----------
     window : ``depth(run, distance, clock)`` in metre, positive inward, from `dent_views.dent_dataset`.
     """
-    runs = [str(r) for r in window["run"].values]
+    n = window.sizes["run"]
     with rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(9.2, 4.9))
-        rows = figure.add_gridspec(2, 12, height_ratios=[1, 1.15])
-        top = rows[0, :].subgridspec(1, len(runs))
-        maps = [figure.add_subplot(top[0, i]) for i in range(len(runs))]
-        _unrolled(figure, maps, window)
-        _profile_along(figure.add_subplot(rows[1, 0:4]), window)
-        _profile_around(figure.add_subplot(rows[1, 4:8]), window)
-        _section(figure.add_subplot(rows[1, 8:12], projection="polar"), window)
+        figure = Figure(figsize=(_WIDTH, _HEIGHT))
+        each = (_WIDTH - 1.9) / n
+        maps = [_place(figure, 0.7 + i * each, 3.4, each - 0.12, 1.3) for i in range(n)]
+        _unrolled(figure, maps, _place(figure, _WIDTH - 0.95, 3.4, 0.1, 1.3), window)
+        _profile_along(_place(figure, 0.7, 0.55, 2.45, 1.75), window)
+        _profile_around(_place(figure, 3.85, 0.55, 2.45, 1.75), window)
+        _section(_place(figure, 6.75, 0.3, 2.0, 2.0, projection="polar"), window)
     return figure
 
 
 def cross_section(window: xr.Dataset) -> Figure:
     """Return the cross-section at the apex with its scaled residuals (Porter 1990, Fig. 2-7 and 4-6)."""
     with rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(3.6, 3.6))
-        _section(figure.add_subplot(projection="polar"), window)
+        figure = Figure(figsize=(3.2, 3.3))
+        _section(_place(figure, 0.5, 0.4, 2.2, 2.2, projection="polar"), window)
     return figure
 
 
 def unrolled_wall(window: xr.Dataset) -> Figure:
     """Return the unrolled wall of every epoch side by side, one colour scale."""
+    n = window.sizes["run"]
     with rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(3.0 * max(window.sizes["run"], 1), 2.6))
-        _unrolled(figure, list(np.ravel(figure.subplots(1, window.sizes["run"], squeeze=False))), window)
+        figure = Figure(figsize=(0.7 + 2.6 * n + 0.9, 2.1))
+        maps = [_place(figure, 0.7 + 2.6 * i, 0.45, 2.45, 1.35) for i in range(n)]
+        _unrolled(figure, maps, _place(figure, 0.75 + 2.6 * n, 0.45, 0.1, 1.35), window)
     return figure
 
 
-def _unrolled(figure: Figure, axes: list, window: xr.Dataset) -> None:
+def _place(figure: Figure, left: float, low: float, wide: float, high: float, projection: str | None = None) -> Any:
+    """Return axes at a place in inch."""
+    size = figure.get_size_inches()
+    return figure.add_axes((left / size[0], low / size[1], wide / size[0], high / size[1]), projection=projection)
+
+
+def _unrolled(figure: Figure, axes: list, bar_axes: Any, window: xr.Dataset) -> None:
     """Draw depth over distance and clock; the clock axis is cut opposite to the dent."""
     at = _apex_clock(window)
     clock = (window["clock"].values - at + 180) % 360 - 180
@@ -58,18 +69,22 @@ def _unrolled(figure: Figure, axes: list, window: xr.Dataset) -> None:
     top = float(np.nanmax(np.abs(depth))) if np.isfinite(depth).any() else 1.0
     distance = window["distance"].values
     extent = (distance[0] * 1000, distance[-1] * 1000, clock[order][-1], clock[order][0])
+    lines = [share * top for share in (0.1, 0.25, 0.5, 0.75)]
     picture = None
     for i, (ax, name) in enumerate(zip(axes, window["run"].values, strict=True)):
-        picture = ax.imshow(depth[i].T, extent=extent, aspect="auto", vmin=-0.2 * top, vmax=top, **_DEPTH_IMAGE)
+        picture = ax.imshow(depth[i].T, extent=extent, aspect="auto", vmin=DEPTH_LEAST * top, vmax=top, **_DEPTH_IMAGE)
+        ax.contour(distance * 1000, clock[order], np.nan_to_num(depth[i].T), levels=lines, colors=QUIET, linewidths=0.5)
         ax.grid(visible=False)
-        ax.set_title(f"{name}  {window['date'].values[i]}" if "date" in window else str(name))
+        ax.set_title(f"{name}, {window['date'].values[i]}" if "date" in window else str(name))
         ticks = _whole_hours(at)
         ax.set_yticks(ticks, [clock_text(at + t) for t in ticks] if i == 0 else [""] * ticks.size)
         ax.set_ylim(min(150, extent[2]), max(-150, extent[3]))
         ax.set_xlabel("along the pipe (mm), + = downstream")
     axes[0].set_ylabel("clock (h:mm)")
     if picture is not None:
-        figure.colorbar(picture, ax=axes, label="depth (mm), + = inward", shrink=0.9)
+        bar = figure.colorbar(picture, cax=bar_axes, label="depth (mm), + = inward")
+        for line in lines:
+            bar.ax.axhline(line, color=QUIET, linewidth=0.5)
 
 
 def _profile_along(ax, window: xr.Dataset) -> None:
@@ -115,7 +130,7 @@ def _section(ax, window: xr.Dataset) -> None:
     ax.set_xticks(np.radians(np.arange(0, 360, 90)), ["12:00", "3:00", "6:00", "9:00"])
     ax.set_yticks([])
     ax.set_ylim(0, radius * 1.15)
-    ax.set_title(f"Section at the apex, residuals × {scale:.0f}")
+    ax.set_title(f"Section at the apex, residuals × {scale:.0f}", loc="center", pad=12)
 
 
 def _whole_hours(at: float) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
@@ -13,10 +14,10 @@ import pandas as pd
 
 from deform.errors import Fault, InputError, MissingExtraError, OptionError
 from deform.options import ReportOptions
-from deform.report.content import Content, records
+from deform.report.content import Content
 from deform.report.context import build_context
+from deform.report.quantities import column
 from deform.run import store
-from deform.units import clock_text
 
 _LINE_STEP_M = 2.0
 _WGS84 = 4979  # geographic, with ellipsoidal height
@@ -73,13 +74,13 @@ def build_layers(content: Content, options: ReportOptions) -> dict[str, pd.DataF
     layers: dict[str, pd.DataFrame] = {}
     for run in content.ids:
         if place[run].known:
-            row = {"run": run, "date": content.dates[run], "length_m": place[run].length, "geometry": place[run].line(shapely)}
+            length = round(place[run].length, 1)
+            row = {"run": run, "date": content.dates[run], "length_m": length, "geometry": place[run].line(shapely)}
             layers[f"centreline_{file_name(run)}"] = pd.DataFrame([row])
     reference = place[content.reference]
     if reference.known:
-        zones = [{**_zone(z), "geometry": reference.line(shapely, z["start"], z["end"])} for z in numbers["zones"]]
-        layers["zones"] = pd.DataFrame([z for z in zones if z["geometry"] is not None])
-        layers["dents"] = _dents(content, place, shapely)
+        layers["zones"] = _zones(numbers["zones"], reference, shapely)
+        layers["dents"] = _dents(numbers["dents"], place, shapely)
         layers["welds"] = _welds(content, reference, shapely)
     layers["markers"] = _markers(content, shapely)
     return {name: frame for name, frame in layers.items() if len(frame)}
@@ -112,31 +113,60 @@ class _Place:
         return shapely.LineString(points.T)
 
 
-def _zone(zone: dict) -> dict[str, Any]:
-    keys = (
-        "id",
-        "kind",
-        "rank",
-        "severity",
-        "start",
-        "end",
-        "displacement",
-        "strain",
-        "direction",
-        "first_epoch",
-        "trend",
-        "reasons",
+def _zones(zones: list[dict], reference: _Place, shapely: Any) -> pd.DataFrame:
+    """Return the zones along the reference run, with the numbers of the report."""
+    frame = _frame(
+        zones,
+        text=("id", "kind", "severity", "direction", "first_epoch", "confidence", "headline"),
+        numbers={
+            "from_m": ("place", lambda z: z["start"]),
+            "to_m": ("place", lambda z: z["end"]),
+            "displacement_m": ("displacement", lambda z: z["displacement"].value),
+            "displacement_sigma_m": ("displacement", lambda z: z["displacement"].sigma),
+            "strain_change_microstrain": ("strain", lambda z: z["strain"].value),
+            "strain_change_sigma_microstrain": ("strain", lambda z: z["strain"].sigma),
+        },
     )
-    return {key: zone[key] for key in keys}
+    frame["rank"] = [z["rank"] for z in zones]
+    frame["reasons"] = ["; ".join(z["reasons"]) for z in zones]
+    frame["geometry"] = [reference.line(shapely, z["start"], z["end"]) for z in zones]
+    return frame[frame.geometry.notna()]
 
 
-def _dents(content: Content, place: dict[str, _Place], shapely: Any) -> pd.DataFrame:
-    table = content.tables["dents"]
-    table = table[table.run.isin([run for run, p in place.items() if p.known]) & table.run_chainage_m.notna()].copy()
-    points = [place[row.run].at([row.run_chainage_m])[:, 0] for row in records(table)]
-    table["clock"] = [clock_text(c) if np.isfinite(c) else "" for c in table.clock_deg.astype(float)]
-    table["geometry"] = [shapely.Point(*p) if np.isfinite(p).all() else None for p in points]
-    return table[table.geometry.notna()]
+def _dents(dents: list[dict], place: dict[str, _Place], shapely: Any) -> pd.DataFrame:
+    """Return one point per dent and run, at the coordinates of that run, with the numbers of the report."""
+    rows = [
+        dent | epoch | {"id": dent["id"]}
+        for dent in dents
+        for epoch in dent["epochs"]
+        if epoch["run"] in place and place[epoch["run"]].known
+    ]
+    frame = _frame(
+        rows,
+        text=("id", "run", "status", "joint", "clock", "reason"),
+        numbers={
+            "reference_chainage_m": ("chainage", lambda d: d["chainage"]),
+            "chainage_m": ("chainage", lambda d: d["run_chainage"]),
+            "depth_mm": ("dent depth", lambda d: d["depth"].value),
+            "depth_sigma_mm": ("dent depth", lambda d: d["depth"].sigma),
+            "depth_percent_of_od": ("dent depth share", lambda d: d["depth_share"].value),
+            "depth_change_mm": ("dent depth change", lambda d: d["change"].value),
+            "length_mm": ("dent size", lambda d: d["length"].value),
+            "width_mm": ("dent size", lambda d: d["width"].value),
+            "strain_percent": ("dent strain", lambda d: d["strain"].value),
+        },
+    )
+    points = [place[row["run"]].at([row["run_chainage"]])[:, 0] for row in rows]
+    frame["geometry"] = [shapely.Point(*p) if np.isfinite(p).all() else None for p in points]
+    return frame[frame.geometry.notna()]
+
+
+def _frame(rows: list[dict], text: tuple[str, ...], numbers: dict[str, tuple[str, Callable[[dict], float]]]) -> pd.DataFrame:
+    """Return a layer's table: columns of text, and numbers in the unit that their name ends in, rounded as in the report."""
+    frame = pd.DataFrame({name: [str(row[name]) for row in rows] for name in text}, dtype=object)
+    for name, (quantity, value) in numbers.items():
+        frame[name] = column(quantity, [value(row) for row in rows])
+    return frame
 
 
 def _welds(content: Content, reference: _Place, shapely: Any) -> pd.DataFrame:
@@ -144,65 +174,90 @@ def _welds(content: Content, reference: _Place, shapely: Any) -> pd.DataFrame:
     if table.empty:
         ds = content.group(content.reference, "welds")
         at = ds["chainage"].values if ds is not None else np.array([])
-        frame = pd.DataFrame({"weld_id": [f"{i + 1}" for i in range(at.size)], "reference_chainage_m": at, "statuses": ""})
+        frame = pd.DataFrame({"id": [f"{i + 1}" for i in range(at.size)], "reference_chainage_m": at, "statuses": ""})
     else:
         table = table.assign(said=table.run + " " + table.status)
         frame = (
             table.groupby("weld_id")
             .agg(reference_chainage_m=("reference_chainage_m", "mean"), statuses=("said", ", ".join))
-            .reset_index()
+            .reset_index(names="id")
         )
     points = reference.at(frame.reference_chainage_m.to_numpy(float))
     good = np.isfinite(points).all(0)
+    frame["reference_chainage_m"] = column("chainage", frame.reference_chainage_m)
     return frame[good].assign(geometry=shapely.points(points[:, good].T))
 
 
 def _markers(content: Content, shapely: Any) -> pd.DataFrame:
+    """Return the surveyed markers of every run, with their misclosure after use."""
     rows = []
     for run in content.ids:
         ds = content.group(run, "markers")
-        if ds is None or "latitude" not in ds:
+        if ds is None or not {"latitude", "longitude"} <= set(ds.data_vars):
             continue
         frame = ds.to_dataframe().reset_index(drop=True)
         frame = frame[frame.latitude.notna() & frame.longitude.notna()]
         height = frame.height.fillna(0.0) if "height" in frame else pd.Series(0.0, index=frame.index)
         points = shapely.points(np.stack([frame.longitude, frame.latitude, height], axis=1).astype(float))
-        rows.append(frame.assign(run=run, geometry=points))
+        shown = pd.DataFrame({"name": frame.name.astype(str), "run": run})
+        for key in ("kind", "remark"):
+            shown[key] = frame[key].astype(str) if key in frame else ""
+        shown["used"] = frame.used.map({True: "yes", False: "no"}) if "used" in frame else ""
+        if "chainage" in frame:
+            shown["chainage_m"] = column("place", frame.chainage)
+        for axis in ("east", "north", "up"):
+            if f"misclosure_{axis}_after" in frame:
+                shown[f"misclosure_{axis}_m"] = column("misclosure", frame[f"misclosure_{axis}_after"])
+        rows.append(shown.assign(geometry=points))
     return pd.concat(rows, ignore_index=True) if rows else pd.DataFrame()
 
 
 def kml(content: Content, layers: dict[str, pd.DataFrame]) -> str:
-    """Return a KML document: centreline of the reference run, zones, dents, markers (longitude, latitude, height)."""
+    """Return a KML document: centreline of the reference run, zones, dents of the last run, markers; folders switch on and off.
+
+    Coordinates are longitude, latitude, height; lines are drawn on the ground, whose height is not that of the pipe.
+    """
     reference = f"centreline_{file_name(content.reference)}"
-    marks: list[str] = []
-    for name in (reference, "zones", "dents", "markers"):
-        marks += [_placemark(name, row) for row in layers.get(name, pd.DataFrame()).to_dict("records")]
+    folders = []
+    for title, name in (("Centreline", reference), ("Zones", "zones"), ("Dents", "dents"), ("Markers", "markers")):
+        rows = layers.get(name, pd.DataFrame())
+        if name in ("dents", "markers") and len(rows):  # one run is enough in the field: the last that has the point
+            rows = rows.drop_duplicates("id" if name == "dents" else "name", keep="last")
+        marks = [_placemark(name, row) for row in rows.to_dict("records")]
+        if marks:
+            folders.append(f"<Folder><name>{title}</name>\n" + "\n".join(marks) + "\n</Folder>")
     styles = "".join(
         f'<Style id="{word}"><LineStyle><color>{colour}</color><width>6</width></LineStyle></Style>'
         for word, colour in _COLOURS.items()
     )
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document>'
-        f"<name>{escape(content.line)}</name>{styles}\n" + "\n".join(marks) + "\n</Document></kml>\n"
+        f"<name>{_xml(content.line)}</name>{styles}\n" + "\n".join(folders) + "\n</Document></kml>\n"
     )
 
 
 def _placemark(layer: str, row: dict[Any, Any]) -> str:
-    title = str(row.get("id") or row.get("dent_id") or row.get("name") or row.get("run"))
-    title += f" {row['run']}" if layer == "dents" else ""
-    said = "\n".join(f"{k}: {v}" for k, v in row.items() if k != "geometry" and not _nothing(v))
+    title = str(row.get("id") or row.get("name") or row.get("run"))
+    if layer in ("zones", "dents"):
+        title += f" {row['severity' if layer == 'zones' else 'status']}"
+    said = "\n".join(f"{k.replace('_', ' ')}: {v}" for k, v in row.items() if k != "geometry" and not _nothing(v))
     style = f"<styleUrl>#{row['severity']}</styleUrl>" if layer == "zones" else ""
     points = " ".join(f"{x:.8f},{y:.8f},{z:.2f}" for x, y, z in row["geometry"].coords)
     kind = "LineString" if row["geometry"].geom_type == "LineString" else "Point"
     clamp = "<tessellate>1</tessellate>" if kind == "LineString" else ""
     return (
-        f"<Placemark><name>{escape(title)}</name><description>{escape(said)}</description>{style}"
+        f"<Placemark><name>{_xml(title)}</name><description>{_xml(said)}</description>{style}"
         f"<{kind}>{clamp}<coordinates>{points}</coordinates></{kind}></Placemark>"
     )
 
 
+def _xml(text: str) -> str:
+    """Return text that may stand in XML 1.0: escaped, without the control characters that no XML can hold."""
+    return escape(re.sub(r"[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "", text))
+
+
 def _nothing(value: Any) -> bool:
-    return value is None or value == "" or (isinstance(value, float) and not np.isfinite(value))
+    return value is None or value in ("", "–") or (isinstance(value, float) and not np.isfinite(value))
 
 
 def _crs(name: str, layers: dict[str, pd.DataFrame]) -> Any:

@@ -1,55 +1,139 @@
-"""The content of an output folder in, datasets on the reference chainage out: what the line's figures are drawn from."""
+"""The content of an output folder in, datasets of the line out: what its figures are drawn from, whole or a stretch of it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from deform.options import ReportOptions
 from deform.report.content import Content
-from deform.report.interactive import local_metres, on_reference, turned
+from deform.report.dents import dent_rows
+from deform.report.plane import local_metres, turned
+from deform.report.zones import zone_rows
 
-_OF_RUN = ("height", "bending_strain", "curvature_horizontal", "curvature_vertical", "azimuth", "pitch", "tool_roll")
-_OF_CHANGE = (
-    "displacement_east",
-    "displacement_north",
-    "displacement_up",
-    "displacement_lateral",
-    "bending_strain_change_horizontal",
-    "bending_strain_change_vertical",
-    "curvature_change_horizontal",
-    "curvature_change_vertical",
+_OF_RUN = ("height", "bending_strain", "curvature_horizontal", "curvature_vertical", "azimuth", "pitch", "tool_roll", "ovality")
+_OF_CHANGE = tuple(
+    f"{name}{end}"
+    for name in (
+        "displacement_up",
+        "displacement_lateral",
+        "bending_strain_change_horizontal",
+        "bending_strain_change_vertical",
+        "curvature_change_horizontal",
+        "curvature_change_vertical",
+    )
+    for end in ("", "_sigma")
 )
+_SIZES = {  # the size of a change, of two components
+    "displacement": ("displacement_lateral", "displacement_up"),
+    "bending_strain_change": ("bending_strain_change_horizontal", "bending_strain_change_vertical"),
+}
+OVERVIEW_COLUMNS = 1200
 
 
-def line_dataset(content: Content) -> xr.Dataset | None:
-    """Return profile, strain, curvature and changes with sigma, each (run, chainage); None without a centreline.
+def line_dataset(
+    content: Content,
+    zones: Sequence[dict] | None = None,
+    dents: Sequence[dict] | None = None,
+    *,
+    window: tuple[float, float] | None = None,
+    columns: int = OVERVIEW_COLUMNS,
+    margin: float = 0.0,
+) -> xr.Dataset:
+    """Return profile, strain, curvature and changes with sigma (run, chainage), with zones, dents, points and joints beside them.
 
-    ``along`` and ``across`` (chainage) are metres in the plan, turned so that the line runs to the right; attribute ``turn_deg``
-    is the azimuth of the right.
+    Parameters
+    ----------
+    content : of an output folder.
+    zones, dents : as `zone_rows` and `dent_rows` give them, which is the default.
+    window : stretch of reference chainage (m), by default the whole line; attributes ``start_m`` and ``end_m`` keep it.
+    columns : a longer axis is cut into this many pieces, each drawn by its least and its greatest value: no peak is lost.
+    margin : added to the window on both sides (m).
+
+    Returns
+    -------
+    xarray.Dataset
+        Variables absent from the folder are absent here. ``along`` and ``across`` (m) are the plan, turned so that the line runs
+        to the right; attribute ``turn_deg`` is the azimuth of the right.
     """
-    reference = content.group(content.reference, "centreline")
-    if reference is None:
-        return None
-    s = reference["chainage"].values
-    coords = {"run": content.ids, "chainage": s}
-    ds = xr.Dataset(coords=coords, attrs={"reference": content.reference, "line": content.line})
+    s = _axis(content)
+    low, high = (s[0], s[-1]) if window is None else (window[0] - margin, window[1] + margin)
+    pick = slice(int(np.searchsorted(s, low)), int(np.searchsorted(s, high, side="right")))
+    pieces = _pieces(s[pick], columns)
+    ds = xr.Dataset(coords={"run": content.ids, "chainage": _reduced(s[pick], None, pieces, "stride")})
+    ds.attrs = {"reference": content.reference, "line": content.line, "k_sigma": content.k_sigma}
+    ds.attrs |= {} if window is None else {"start_m": float(window[0]), "end_m": float(window[1])}
     ds["date"] = ("run", [content.dates[name] for name in content.ids])
-    for name in _OF_RUN:
-        columns = [_on_axis(on_reference(content, run, name), s) for run in content.ids]
-        if any(np.isfinite(column).any() for column in columns):
-            ds[name] = (("run", "chainage"), np.stack(columns))
-    if "latitude" in reference and np.isfinite(reference["latitude"].values).any():
-        latitude, longitude = reference["latitude"].values, reference["longitude"].values
-        origin = float(np.nanmean(latitude)), float(np.nanmean(longitude))
-        east, north = local_metres(latitude, longitude, origin)
-        good = np.isfinite(east)
-        along, across = np.full(s.size, np.nan), np.full(s.size, np.nan)
-        along[good], across[good], ds.attrs["turn_deg"] = turned(east[good], north[good])
-        ds["along"], ds["across"] = ("chainage", along), ("chainage", across)
-    return _with_changes(ds, content, s)
+    _add_runs(ds, content, s, pick, pieces)
+    _add_changes(ds, content, s, pick, pieces)
+    _add_plan(ds, content, s, pick, pieces)
+    given = zone_rows(content, ReportOptions()) if zones is None else zones
+    return _with_events(ds, content, given, dent_rows(content) if dents is None else dents)
+
+
+def run_dataset(content: Content, run: str, columns: int = OVERVIEW_COLUMNS) -> xr.Dataset | None:
+    """Return the navigation of one run on its own chainage: plan, height, pitch, tool roll, azimuth, speed; None without one."""
+    line = content.group(run, "centreline")
+    if line is None or "pitch" not in line:
+        return None
+    s = line["chainage"].values
+    pieces = _pieces(s, columns)
+    ds = xr.Dataset(coords={"chainage": _reduced(s, None, pieces, "stride")}, attrs={"run": run, "date": content.dates[run]})
+    for name in ("height", "pitch", "tool_roll", "azimuth", "speed"):
+        if name in line:
+            ds[name] = ("chainage", _reduced(s, line[name].values, pieces, "extremes"))
+    _plan_of(ds, line, slice(None), pieces)
+    return ds
+
+
+def on_reference(content: Content, run: str, variable: str) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return (reference chainage, values) of a centreline variable of a run; None when the run does not hold it.
+
+    Values are taken at `run_chainage` of the comparison; without one, at the run's own chainage.
+    """
+    centreline = content.group(run, "centreline")
+    if centreline is None or variable not in centreline:
+        return None
+    own, values = centreline["chainage"].values, np.asarray(centreline[variable].values, float)
+    if run == content.reference or content.comparison is None or run not in content.epochs:
+        return own, values
+    at = content.comparison["run_chainage"].isel(epoch=content.epochs.index(run)).values
+    return content.comparison["chainage"].values, np.interp(at, own, values, left=np.nan, right=np.nan)
+
+
+def _axis(content: Content) -> np.ndarray:
+    """Return the chainage of the reference run, of the comparison, or of its welds: the first that is there."""
+    line = content.group(content.reference, "centreline")
+    if line is not None:
+        return line["chainage"].values
+    if content.comparison is not None:
+        return content.comparison["chainage"].values
+    welds = content.group(content.reference, "welds")
+    return np.array([0.0, 1.0]) if welds is None or not welds.sizes["weld"] else welds["chainage"].values[[0, -1]]
+
+
+def _pieces(s: np.ndarray, columns: int) -> np.ndarray | None:
+    """Return where the pieces of an axis begin; None when it is short enough to be drawn as it is."""
+    return None if s.size <= 4 * columns else np.linspace(0, s.size, columns, endpoint=False).astype(int)
+
+
+def _reduced(s: np.ndarray, values: np.ndarray | None, pieces: np.ndarray | None, how: str) -> np.ndarray:
+    """Return two numbers for every piece: least and greatest in the order in which the curve rises or falls, or two places."""
+    values = s if values is None else values
+    if pieces is None:
+        return values
+    ends = np.append(pieces[1:], s.size)
+    if how == "stride":
+        return np.stack([values[pieces], values[(pieces + ends) // 2]], 1).ravel()
+    least, most = np.fmin.reduceat(values, pieces), np.fmax.reduceat(values, pieces)
+    if how == "greatest":
+        return np.stack([most, most], 1).ravel()
+    rising = ~(values[pieces] > values[ends - 1])
+    return np.stack([np.where(rising, least, most), np.where(rising, most, least)], 1).ravel()
 
 
 def _on_axis(found: tuple[np.ndarray, np.ndarray] | None, s: np.ndarray) -> np.ndarray:
@@ -60,84 +144,87 @@ def _on_axis(found: tuple[np.ndarray, np.ndarray] | None, s: np.ndarray) -> np.n
     return np.interp(s, found[0], found[1], left=np.nan, right=np.nan)
 
 
-def _with_changes(ds: xr.Dataset, content: Content, s: np.ndarray) -> xr.Dataset:
+def _add_runs(ds: xr.Dataset, content: Content, s: np.ndarray, pick: slice, pieces: np.ndarray | None) -> None:
+    for name in _OF_RUN:
+        rows = [_on_axis(on_reference(content, run, name), s)[pick] for run in content.ids]
+        if any(np.isfinite(row).any() for row in rows):
+            ds[name] = (("run", "chainage"), np.stack([_reduced(s[pick], row, pieces, "extremes") for row in rows]))
+
+
+def _add_changes(ds: xr.Dataset, content: Content, s: np.ndarray, pick: slice, pieces: np.ndarray | None) -> None:
     comparison = content.comparison
-    if comparison is None:
-        return ds
-    epochs = [str(name) for name in comparison["epoch"].values]
-    for name in [n for base in _OF_CHANGE for n in (base, f"{base}_sigma")]:
-        if name not in comparison:
-            continue
-        columns = [np.full(s.size, np.nan)] * len(content.ids)
-        for k, run in enumerate(content.ids):
-            if run in epochs:
-                columns[k] = _on_axis((comparison["chainage"].values, comparison[name].values[epochs.index(run)]), s)
-        ds[name] = (("run", "chainage"), np.stack(columns))
-    return ds
+    if comparison is None or not content.compares_movement:
+        return
+    at = comparison["chainage"].values
+
+    def rows_of(name: str) -> list[np.ndarray]:
+        found = []
+        for run in content.ids:
+            known = run in content.epochs
+            values = comparison[name].isel(epoch=content.epochs.index(run)).values if known else np.full(at.size, np.nan)
+            found.append(_on_axis((at, values), s)[pick])
+        return found
+
+    for name in _OF_CHANGE:
+        if name in comparison:
+            how = "greatest" if name.endswith("_sigma") else "extremes"
+            ds[name] = (("run", "chainage"), np.stack([_reduced(s[pick], row, pieces, how) for row in rows_of(name)]))
+    for name, parts in _SIZES.items():
+        if all(part in comparison for part in parts):
+            sizes = [np.hypot(a, b) for a, b in zip(*(rows_of(part) for part in parts), strict=True)]
+            ds[name] = (("run", "chainage"), np.stack([_reduced(s[pick], row, pieces, "greatest") for row in sizes]))
 
 
-def cut(ds: xr.Dataset, start: float, end: float, margin: float) -> xr.Dataset:
-    """Return the stretch between two chainages with a margin (m) on both sides."""
-    return ds.sel(chainage=slice(start - margin, end + margin)).assign_attrs(start_m=start, end_m=end)
+def _add_plan(ds: xr.Dataset, content: Content, s: np.ndarray, pick: slice, pieces: np.ndarray | None) -> None:
+    line = content.group(content.reference, "centreline")
+    if line is not None:
+        _plan_of(ds, line, pick, pieces)
 
 
-def trend_dataset(content: Content, subject: str) -> xr.Dataset | None:
-    """Return the values of a zone or dent in every run, its rate in the attributes: ``value``, ``sigma``, ``year`` (run).
-
-    A zone's value is its largest displacement, or change of bending strain, between its ends; a dent's is its depth. None when
-    fewer than two runs carry a value.
-    """
-    rows = content.tables["trends"][content.tables["trends"].subject == subject]
-    if rows.empty:
-        return None
-    trend = rows.iloc[0]
-    values, sigmas = _dent_values(content, subject) if "dent" in trend.kind else _zone_values(content, subject, trend.kind)
-    good = np.isfinite(values)
+def _plan_of(ds: xr.Dataset, line: xr.Dataset, pick: slice, pieces: np.ndarray | None) -> None:
+    if "latitude" not in line:
+        return
+    latitude, longitude = line["latitude"].values[pick], line["longitude"].values[pick]
+    good = np.isfinite(latitude) & np.isfinite(longitude)
     if good.sum() < 2:
-        return None
-    years = np.array([_year(content.dates[run]) for run in content.ids])
-    scale, unit = (1e6, "µε") if "strain" in trend.kind else (1e3, "mm")
-    attrs: dict[str, Any] = {"subject": subject, "kind": trend.kind, "unit": unit, "limit_name": trend.limit_name}
-    attrs |= {
-        key: float(trend[key]) * scale for key in ("rate_per_year", "rate_low_per_year", "rate_high_per_year", "limit_value")
+        return
+    east, north = local_metres(latitude, longitude, (float(latitude[good].mean()), float(longitude[good].mean())))
+    along, across = np.full(good.size, np.nan), np.full(good.size, np.nan)
+    along[good], across[good], ds.attrs["turn_deg"] = turned(east[good], north[good])
+    for name, values in (("along", along), ("across", across)):
+        ds[name] = ("chainage", _reduced(line["chainage"].values[pick], values, pieces, "stride"))
+
+
+def _with_events(ds: xr.Dataset, content: Content, zones: Sequence[dict], dents: Sequence[dict]) -> xr.Dataset:
+    joints, points = content.tables["joints"], point_rows(content)
+    events: dict[str, Any] = {
+        "zone_id": ("zone", np.array([z["id"] for z in zones], object)),
+        "zone_kind": ("zone", np.array([z["kind"] for z in zones], object)),
+        "zone_severity": ("zone", np.array([z["severity"] for z in zones], object)),
+        "zone_start": ("zone", np.array([z["start"] for z in zones], float)),
+        "zone_end": ("zone", np.array([z["end"] for z in zones], float)),
+        "dent_id": ("dent", np.array([d["id"] for d in dents], object)),
+        "dent_status": ("dent", np.array([d["status"] for d in dents], object)),
+        "dent_chainage": ("dent", np.array([d["chainage"] for d in dents], float)),
+        "point_name": ("point", np.array([p["name"] for p in points], object)),
+        "point_kind": ("point", np.array([p["kind"] for p in points], object)),
+        "point_chainage": ("point", np.array([p["x"] for p in points], float)),
+        "joint_chainage": ("joint", joints.reference_chainage_m.to_numpy(float)),
     }
-    attrs["last_value"] = float(trend.last_value) * scale
-    data = {"value": ("run", values[good] * scale), "sigma": ("run", sigmas[good] * scale), "year": ("run", years[good])}
-    return xr.Dataset(data, coords={"run": np.array(content.ids)[good]}, attrs=attrs)
+    for name, key in (("joint_change", "change_m"), ("joint_change_sigma", "change_sigma_m")):
+        rows = [joints.get(f"{key}:{run}", pd.Series(np.nan, joints.index)).to_numpy(float) for run in content.ids]
+        events[name] = (("run", "joint"), np.stack(rows))
+    return ds.assign(events)
 
 
-def _dent_values(content: Content, subject: str) -> tuple[np.ndarray, np.ndarray]:
-    table = content.tables["dents"]
-    table = table[table.dent_id == subject].drop_duplicates("run").set_index("run")
-    depth, sigma = (np.array([float(table[c].get(run, np.nan)) for run in content.ids]) for c in ("depth_m", "depth_sigma_m"))
-    return depth, sigma
-
-
-def _zone_values(content: Content, subject: str, kind: str) -> tuple[np.ndarray, np.ndarray]:
-    zone = content.tables["zones"][content.tables["zones"].zone_id == subject]
-    n = len(content.ids)
-    values, sigmas = np.full(n, np.nan), np.full(n, np.nan)
-    if zone.empty or content.comparison is None:
-        return values, sigmas
-    inside = content.comparison.sel(chainage=slice(float(zone.start_m.iloc[0]), float(zone.end_m.iloc[0])))
-    names = ["bending_strain_change_horizontal", "bending_strain_change_vertical"]
-    if "strain" not in kind:
-        names = ["displacement_east", "displacement_north", "displacement_up"]
-    names = [name for name in names if name in inside]
-    if not names or not inside.sizes["chainage"]:
-        return values, sigmas
-    size = np.sqrt(sum(np.nan_to_num(inside[name].values) ** 2 for name in names))
-    apex = int(np.argmax(size.max(axis=0)))
-    epochs = [str(name) for name in inside["epoch"].values]
-    for k, run in enumerate(content.ids):
-        if run in epochs:
-            i = epochs.index(run)
-            values[k] = size[i, apex]
-            partners = [inside[f"{name}_sigma"].values[i, apex] for name in names if f"{name}_sigma" in inside]
-            sigmas[k] = float(np.nanmax(partners)) if partners else np.nan
-    return values, sigmas
-
-
-def _year(date: str) -> float:
-    stamp = pd.Timestamp(date)
-    return stamp.year + (stamp.day_of_year - 1) / 365.25
+def point_rows(content: Content) -> list[dict[str, Any]]:
+    """Return markers and other point features of the reference run: chainage, name, kind."""
+    found: list[dict[str, Any]] = []
+    for group, text in (("markers", "name"), ("features", "kind")):
+        ds = content.group(content.reference, group)
+        if ds is None or "chainage" not in ds:
+            continue
+        kinds = ds["kind"].values if "kind" in ds else np.full(ds["chainage"].size, group)
+        rows = zip(ds["chainage"].values, ds[text].values, kinds, strict=True)
+        found += [{"x": float(x), "name": str(name), "kind": str(kind)} for x, name, kind in rows if np.isfinite(x)]
+    return [point for point in found if point["kind"] not in ("metal_loss", "wall_change")][:5000]

@@ -1,126 +1,165 @@
-"""The output folders of many lines in, one page that ranks what moves over all of them out."""
+"""The output folders of many lines in, one page that ranks what changes over all of them out."""
 
 from __future__ import annotations
 
-import datetime
+import logging
 import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup, escape
+import pandas as pd
+from markupsafe import Markup
 
+from deform.change.screen import screen
 from deform.errors import DeformError
 from deform.options import ReportOptions
 from deform.report.content import Content, read_content
-from deform.report.context import build_context
-from deform.report.line_view import trend_dataset
+from deform.report.context import made
+from deform.report.dents import dent_rows
+from deform.report.findings import least_movement, verdict, what_is_missing
+from deform.report.quantities import measure
+from deform.report.sparkline import sparkline
 from deform.report.templates import render
+from deform.report.trend_view import trend_dataset
+from deform.report.words import NOTHING, count, number
+from deform.report.zones import moved, zone_rows
 from deform.run import store
 from deform.run.history import toolkit_version
 
-_SEVERITY = {"high": 0, "medium": 1, "low": 2, "construction": 3}
-_WIDTH, _HEIGHT = 96, 26
+_log = logging.getLogger(__name__)
+Entry = dict[str, Any]
 
 
 def write_screening(folders: Iterable[Path | str], target: Path | str, options: ReportOptions | None = None) -> Path:
     """Write the screening page of many lines and return its path.
 
+    The places stand in the order of `deform.change.screen.screen`, so page and ``screening.csv`` agree; each has one row.
+
     Parameters
     ----------
     folders : output folders of surveys; one that cannot be read is named on the page with its fault.
     target : path of the page, such as ``screening.html``; reports of the lines are linked relative to it.
-    options : the attention values that rank the zones.
+    options : the attention values that name the severity of the zones.
     """
     target, options = Path(target), options or ReportOptions()
-    lines, unread, items = [], [], []
-    for folder in (Path(f) for f in folders):
+    wanted = [Path(f) for f in folders]
+    lines: list[Entry] = []
+    entries: list[Entry] = []
+    unread: list[tuple[str, str]] = []
+    for folder in wanted:
         try:
             content = read_content(folder)
         except DeformError as fault:
             unread.append((str(folder), str(fault)))
             continue
-        numbers = build_context(content, options)
-        link = _link(folder, target)
-        lines.append(_line(content, numbers, link))
-        items += _items(content, numbers, link)
-    items.sort(key=lambda item: (_SEVERITY[item["severity"]], -item["size"]))
+        places = _places(content, options)
+        lines.append(_line(content, places, options, _link(folder, target)))
+        entries += [place | {"line": content.line, "link": lines[-1]["link"], "folder": str(folder)} for place in places]
+    items = _ranked(entries, wanted)
     page = render(
         "screening.html",
-        items=[item | {"rank": i + 1} for i, item in enumerate(items)],
+        title=f"Screening of {count(len(lines), 'line')}",
+        line="Screening",
+        items=items,
         lines=lines,
         unread=unread,
-        made=datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        verdict=_verdict(items, lines, unread),
+        facts=_facts(items, lines),
+        made=made(),
         version=toolkit_version(),
+        strain_attention=measure("strain", options.strain_attention),
+        displacement_attention=measure("displacement", options.displacement_attention_m),
     )
     with store.atomic(target) as place:
         place.write_text(page, encoding="utf-8")
     return target
 
 
-def _link(folder: Path, target: Path) -> str:
-    page = folder / "report" / "index.html"
-    return os.path.relpath(page, target.parent) if page.exists() else ""
-
-
-def _line(content: Content, numbers: dict[str, Any], link: str) -> dict[str, Any]:
-    """Return one line of the table of lines: its verdict and what could not be judged."""
-    missing = [f"{m.get('output')}: {m.get('reason')}" for m in content.survey.get("missing", [])]
-    unjudged = numbers["limits_of_sources"] + missing + [f"{what}: {why}" for what, why in content.absent]
-    runs = ", ".join(f"{run} ({content.dates[run]})" for run in content.ids)
-    moved = sum(z["kind"] != "reconfiguration" for z in numbers["zones"])
-    return {"line": content.line, "link": link, "runs": runs, "verdict": numbers["verdict"], "zones": moved, "unjudged": unjudged}
-
-
-def _items(content: Content, numbers: dict[str, Any], link: str) -> list[dict[str, Any]]:
+def _places(content: Content, options: ReportOptions) -> list[Entry]:
     """Return the zones that moved, and the dents that grew or are new, of one line."""
-    common = {"line": content.line, "link": link}
     found = []
-    for zone in numbers["zones"]:
-        if zone["kind"] != "reconfiguration":
-            said = {
-                "what": f"{zone['id']}, {zone['kind']}",
-                "place": zone["place"],
-                "severity": zone["severity"],
-                "size": zone["size"],
-            }
-            found.append(
-                common
-                | said
-                | {
-                    "value": f"{zone['displacement']}; {zone['strain']}",
-                    "trend": zone["trend"],
-                    "spark": _spark(content, zone["id"]),
-                }
-            )
-    for dent in numbers["dents"]:
+    for zone in moved(zone_rows(content, options)):
+        value = ", ".join(str(v) for v in (zone["displacement"], zone["strain"]) if v)
+        said = {"subject": zone["id"], "what": f"{zone['id']}, {zone['kind']}", "severity": zone["severity"], "value": value}
+        found.append(said | {"place": zone["first"], "headline": zone["headline"], "spark": _spark(content, zone["id"])})
+    for dent in dent_rows(content):
         if dent["status"] in ("grown", "new"):
-            said = {"what": f"{dent['id']}, dent {dent['status']}", "place": dent["place"], "severity": "medium", "size": 0.5}
-            found.append(
-                common
-                | said
-                | {
-                    "value": f"{dent['depth']} ({dent['depth_share']})",
-                    "trend": dent["trend"],
-                    "spark": _spark(content, dent["id"]),
-                }
-            )
+            value = f"{dent['depth']} ({dent['depth_share']})" if dent["depth_share"] else str(dent["depth"])
+            said = {"subject": dent["id"], "what": f"{dent['id']}, dent {dent['status']}", "severity": "medium", "value": value}
+            found.append(said | {"place": dent["place"], "headline": dent["headline"], "spark": _spark(content, dent["id"])})
     return found
 
 
+def _ranked(entries: list[Entry], folders: list[Path]) -> list[Entry]:
+    """Return the places in the order of the screening table; those without a rate come last, the severest first."""
+    names: dict[str, str] = {}
+    order: dict[tuple[str, str], tuple[int, float]] = {}
+    try:
+        found = screen(folders)
+        names = dict(zip(found.lines["folder"], found.lines["line"], strict=True)) if len(found.lines) else {}
+        for row in found.table.to_dict("records"):
+            order.setdefault((str(row["line"]), str(row["subject"])), (len(order), float(row["limit_used"])))
+    except (DeformError, OSError, ValueError, KeyError) as fault:  # a broken table costs the ranks, not the page
+        _log.warning("places are ranked by severity alone: %s", fault)
+    severity = {"high": 0, "medium": 1, "low": 2}
+    keys = [order.get((str(names.get(e["folder"], e["line"])), str(e["subject"])), (len(order), np.nan)) for e in entries]
+    ranked = sorted(zip(keys, entries, strict=True), key=lambda pair: (pair[0][0], severity.get(pair[1]["severity"], 3)))
+    return [
+        entry | {"rank": i + 1, "used": NOTHING if pd.isna(used) else number(100 * float(used), 0, "%")}
+        for i, ((_, used), entry) in enumerate(ranked)
+    ]
+
+
+def _link(folder: Path, target: Path) -> str:
+    page = folder / "report" / "index.html"
+    return Path(os.path.relpath(page, target.parent)).as_posix() if page.exists() else ""
+
+
+def _line(content: Content, places: list[Entry], options: ReportOptions, link: str) -> Entry:
+    """Return one row of the table of lines: its runs, counts, the smallest movement seen, and what could not be judged."""
+    zones = zone_rows(content, options)
+    missing = [f"{m.get('output')}: {m.get('reason')}" for m in content.survey.get("missing", [])]
+    judged = (
+        [] if content.compares_movement or len(content.runs) < 2 else ["movement: the runs hold no positions and no curvature"]
+    )
+    return {
+        "line": content.line,
+        "link": link,
+        "runs": ", ".join(f"{run} ({content.dates[run]})" if content.dates[run] else run for run in content.ids),
+        "verdict": verdict(content, zones, dent_rows(content)),
+        "zones": len(moved(zones)),
+        "dents": sum("dent" in place["what"] for place in places),
+        "least": least_movement(content),
+        "unjudged": judged + what_is_missing(content) + missing + [f"{what}: {why}" for what, why in content.absent],
+    }
+
+
 def _spark(content: Content, subject: str) -> Markup:
-    """Return the values over the years as a small inline SVG; empty when fewer than two runs carry one."""
-    ds = trend_dataset(content, subject)
-    if ds is None:
-        return Markup("")
-    years, values = ds["year"].values, np.abs(ds["value"].values)
-    x = 4 + (years - years[0]) / max(years[-1] - years[0], 1e-9) * (_WIDTH - 8)
-    y = _HEIGHT - 4 - values / max(values.max(), 1e-12) * (_HEIGHT - 8)
-    path = "M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x, y, strict=True))
-    dots = "".join(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="2.5" fill="currentColor"/>' for a, b in zip(x, y, strict=True))
-    said = [f"{run}: {value:.3g} {ds.attrs['unit']}" for run, value in zip(ds["run"].values, values, strict=True)]
-    label = escape(", ".join(said))
-    shape = f'<path d="{path}" fill="none" stroke="currentColor" stroke-width="1.5"/>{dots}'
-    frame = f'viewBox="0 0 {_WIDTH} {_HEIGHT}" width="{_WIDTH}" height="{_HEIGHT}" role="img"'
-    return Markup(f"<svg {frame}><title>{label}</title>{shape}</svg>")
+    return sparkline(trend_dataset(content, subject))
+
+
+def _verdict(items: list[Entry], lines: list[Entry], unread: list[tuple[str, str]]) -> list[str]:
+    if not lines:
+        return ["No line could be read."] if unread else ["No line was given: 0 places."]
+    changed = {item["line"] for item in items}
+    said = [f"{count(len(items), 'place')} changed on {count(len(changed), 'line')} of {len(lines)}."]
+    if items:
+        first = items[0]
+        said.append(f"First: {first['what']} of {first['line']} at {first['place']}: {first['headline']}.")
+    still = [line["line"] for line in lines if line["line"] not in changed]
+    if still:
+        said.append(f"Nothing significant on {', '.join(still[:6])}{' and others' if len(still) > 6 else ''}.")
+    if unread:
+        said.append(f"{count(len(unread), 'folder')} could not be read.")
+    return said
+
+
+def _facts(items: list[Entry], lines: list[Entry]) -> list[Entry]:
+    high = sum(item["severity"] == "high" for item in items)
+    blind = sum(any("movement" in text for text in line["unjudged"]) for line in lines)
+    return [
+        {"name": "lines", "value": number(len(lines), 0), "note": f"{blind} without a judgement of movement"},
+        {"name": "places", "value": number(len(items), 0), "note": f"{high} of high severity"},
+    ]

@@ -5,33 +5,50 @@ from __future__ import annotations
 import io
 import re
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from deform.report.style import EPOCHS, FAINT, INK
+from deform.report.style import EPOCHS, FAINT, INK, MATPLOTLIB, QUIET, SEVERITY
 
-_REPLACED = {INK: "currentColor", FAINT: "var(--grid)"} | {colour: f"var(--epoch-{i})" for i, colour in enumerate(EPOCHS)}
+_REPLACED = {INK: "currentColor", FAINT: "var(--grid)", QUIET: "var(--quiet)"}
+_REPLACED |= {colour: f"var(--epoch-{i})" for i, colour in enumerate(EPOCHS)}
+_REPLACED |= {colour: f"var(--{word})" for word, colour in SEVERITY.items()}
+_NAMELESS = dict.fromkeys(("Date", "Creator", "Format", "Type"))
 
 
-def themed_svg(figure: Figure) -> Markup:
-    """Return the figure as inline SVG; ink, grid and epoch colours become variables of the page's style sheet."""
+def themed_svg(figure: Figure, label: str = "") -> Markup:
+    """Return the figure as inline SVG; its colours become variables of the page's style sheet, ``label`` its words for those
+    who cannot see it.
+    """
     out = io.StringIO()
-    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "deform"}):
-        figure.savefig(out, format="svg", transparent=True, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+    with rc_context(MATPLOTLIB | {"svg.fonttype": "none", "svg.hashsalt": "deform"}):
+        figure.savefig(out, format="svg", transparent=True, metadata=_NAMELESS)
     text = out.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
     text = re.sub(r'<g id="[^"]*">', "<g>", text)
     text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", text, count=1)
     text = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1)
+    text = re.sub(r"(\d+\.\d\d)\d+", r"\1", text)  # a hundredth of a point is finer than any screen
     for colour, word in _REPLACED.items():
         text = text.replace(colour, word)
-    return Markup(text)  # matplotlib escapes the texts of a figure
+    said = f' role="img" aria-label="{escape(label)}"' if label else ' aria-hidden="true"'
+    return Markup(text.replace("<svg", f"<svg{said}", 1))  # matplotlib escapes the texts of a figure
+
+
+def literal(picture: Markup) -> Markup:
+    """Return an inline SVG with the colours themselves in place of the variables of the page: for print."""
+    known = {word: colour for colour, word in _REPLACED.items()} | {"var(--line)": FAINT, "currentColor": INK}
+    text = str(picture)
+    for word, colour in known.items():
+        text = text.replace(word, colour)
+    return Markup(text)  # as safe as it came
 
 
 def png(figure: Figure, dpi: int = 110) -> bytes:
     """Return the figure as PNG."""
     out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=dpi)
+    with rc_context(MATPLOTLIB):
+        figure.savefig(out, format="png", dpi=dpi)
     return out.getvalue()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 from functools import cache
 from importlib.resources import files
@@ -40,7 +41,7 @@ def render(name: str, **numbers: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals["asset"] = _asset
+    environment.globals |= {"asset": _asset, "data_uri": _data_uri}
     return environment.get_template(name).render(**numbers)
 
 
@@ -59,6 +60,12 @@ def script_json(content: Any) -> Markup:
 
 def _asset(name: str) -> Markup:
     return Markup((template_folder() / name).read_text(encoding="utf-8"))  # our own file
+
+
+@cache
+def _data_uri(name: str, kind: str) -> Markup:
+    """Return a binary file of the templates as an address that a page can hold."""
+    return Markup(f"data:{kind};base64,{base64.b64encode((template_folder() / name).read_bytes()).decode('ascii')}")
 
 
 def _plain(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""A number in, text for people out: units, signs, sigma, a dash for what is not there."""
+"""A number or an angle in, text for people out: signs, thin spaces, a dash for what is not there."""
 
 from __future__ import annotations
 
@@ -7,29 +7,19 @@ from typing import Any
 import pandas as pd
 
 _COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+_MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 NOTHING = "–"
 
 
 def number(value: Any, decimals: int = 2, unit: str = "", sign: bool = False) -> str:
-    """Return a number for people; a dash for what is not there."""
+    """Return a number for people; a dash for what is not there; what rounds to zero has no sign."""
     if value is None or pd.isna(value):
         return NOTHING
-    text = f"{float(value):{'+' if sign else ''},.{decimals}f}".replace(",", "\u202f").replace("-", "\u2212")
+    value = float(value)
+    if round(value, decimals) == 0:
+        value, sign = 0.0, False
+    text = f"{value:{'+' if sign else ''},.{decimals}f}".replace(",", "\u202f").replace("-", "\u2212")
     return f"{text}\u00a0{unit}" if unit else text
-
-
-def with_sigma(value: Any, sigma: Any, decimals: int = 2, unit: str = "", sign: bool = False) -> str:
-    """Return ``value ± sigma unit``."""
-    if value is None or pd.isna(value):
-        return NOTHING
-    tail = "" if sigma is None or pd.isna(sigma) else f" ± {number(sigma, decimals)}"
-    return f"{number(value, decimals, sign=sign)}{tail}" + (f"\u00a0{unit}" if unit else "")
-
-
-def microstrain(value: Any, sigma: Any = None, sign: bool = False) -> str:
-    """Return a strain (1) in microstrain."""
-    scaled = [None if v is None or pd.isna(v) else float(v) * 1e6 for v in (value, sigma)]
-    return with_sigma(scaled[0], scaled[1], 0, "µε", sign)
 
 
 def compass(azimuth: Any) -> str:
@@ -39,8 +29,43 @@ def compass(azimuth: Any) -> str:
     return f"{float(azimuth) % 360:.0f}° ({_COMPASS[round(float(azimuth) % 360 / 45) % 8]})"
 
 
-def percent(probability: float) -> str:
-    """Return a probability in percent, never called certain."""
+def percent(probability: Any) -> str:
+    """Return a probability in percent, never called certain and never called impossible."""
+    if probability is None or pd.isna(probability):
+        return NOTHING
     if probability > 0.999:
-        return "> 99.9 %"
-    return f"{100 * probability:.0f} %" if probability < 0.99 else f"{100 * probability:.1f} %"
+        return "> 99.9\u00a0%"
+    if 0 <= probability < 0.001:
+        return "< 0.1\u00a0%"
+    return f"{100 * probability:.0f}\u00a0%" if 0.01 <= probability < 0.99 else f"{100 * probability:.1f}\u00a0%"
+
+
+def month(date: Any) -> str:
+    """Return a date as month and year; a dash for none.
+
+    Examples
+    --------
+    >>> month("2024-11-17")
+    'Nov 2024'
+    """
+    if date is None or pd.isna(date) or not str(date):
+        return NOTHING
+    stamp = pd.Timestamp(str(date))
+    return f"{_MONTHS[stamp.month - 1]}\u00a0{stamp.year}"
+
+
+def count(n: int, one: str, many: str = "") -> str:
+    """Return a number with its noun.
+
+    Examples
+    --------
+    >>> count(2, "zone"), count(1, "stretch", "stretches")
+    ('2 zones', '1 stretch')
+    """
+    return f"{number(n, 0)} {one if n == 1 else many or one + 's'}"
+
+
+def sentence(text: str) -> str:
+    """Return a clause as a sentence: the first letter large, no stop at the end."""
+    text = text.strip().rstrip(".;, ")
+    return text[:1].upper() + text[1:]

@@ -16,7 +16,9 @@ from pydantic.dataclasses import dataclass
 _STRICT = ConfigDict(extra="ignore")
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Triple = tuple[float, float, float]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Triple = tuple[Finite, Finite, Finite]
+Axis = Annotated[int, Field(ge=0, le=2)]
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -49,8 +51,28 @@ class Launch:
 
 
 @dataclass(frozen=True, config=_STRICT)
+class Compensation:
+    """Table ``[imu.compensation]``, optional: known errors of each sensor axis, added to the truth by the sensors.
+
+    Drifts and biases come from a calibration (`deform.nav.calibration`), the others from the maker. Mass unbalance is that of
+    mechanical gyros, along spin and input axis (degree per hour per g); ``spin_axis`` names the sensor axis along which the
+    rotor of each gyro spins.
+    """
+
+    gyro_drift_deg_per_h: Triple = (0.0, 0.0, 0.0)
+    gyro_scale_ppm: Triple = (0.0, 0.0, 0.0)
+    gyro_scale_asymmetry_ppm: Triple = (0.0, 0.0, 0.0)
+    mass_unbalance_spin_deg_per_h_per_g: Triple = (0.0, 0.0, 0.0)
+    mass_unbalance_input_deg_per_h_per_g: Triple = (0.0, 0.0, 0.0)
+    spin_axis: tuple[Axis, Axis, Axis] = (0, 1, 2)
+    accel_bias_ug: Triple = (0.0, 0.0, 0.0)
+    accel_scale_ppm: Triple = (0.0, 0.0, 0.0)
+    accel_scale_asymmetry_ppm: Triple = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, config=_STRICT)
 class ImuHeader:
-    """Table ``[imu]``: the maker's one-sigma figures and the mounting."""
+    """Table ``[imu]``: the maker's one-sigma figures, the mounting, and what is known of the sensors' errors."""
 
     rate_hz: Positive
     sensor_to_body: tuple[Triple, Triple, Triple] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
@@ -60,6 +82,7 @@ class ImuHeader:
     accel_bias_ug: NotNegative = 50.0
     accel_random_walk_ug_per_sqrt_hz: NotNegative = 10.0
     accel_scale_ppm: NotNegative = 50.0
+    compensation: Compensation | None = None
 
     @property
     def mounting(self) -> np.ndarray:

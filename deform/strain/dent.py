@@ -82,6 +82,10 @@ def strain_from_sizes(depth, length, width, *, outside_diameter: float, wall_thi
     6.78
     """
     _check(outside_diameter, wall_thickness)
+    return _from_sizes(depth, length, width, outside_diameter, wall_thickness, form)
+
+
+def _from_sizes(depth, length, width, outside_diameter: float, wall_thickness, form: str):
     depth, length, width = (np.where(np.asarray(v, float) > 0, np.asarray(v, float), np.nan) for v in (depth, length, width))
     around, along = (-(4 * depth**2 + extent**2) / (8 * depth) for extent in (width, length))
     e1 = wall_thickness / 2 * (2 / outside_diameter - 1 / around)
@@ -132,7 +136,7 @@ def add_dent_strain(
     ----------
     dents : group ``dents``.
     wall : group ``caliper`` with full resolution around each dent, or None: then sizes are all there is.
-    outside_diameter, wall_thickness : m.
+    outside_diameter, wall_thickness : m; a dent whose joint has a wall of its own (``wall_thickness`` of the dents) takes that.
     options : see `DentStrainOptions`.
 
     Notes
@@ -147,15 +151,15 @@ def add_dent_strain(
     if len(sizes) < 3:
         return dents
     depth, length, width = sizes["depth"], sizes["length"], sizes["width"]
-    both = strain_from_sizes(
-        depth, length, width, outside_diameter=outside_diameter, wall_thickness=wall_thickness, form=options.form
-    )
+    walls = dents["wall_thickness"].values.astype(float) if "wall_thickness" in dents else np.full(depth.shape, np.nan)
+    walls = np.where(walls > 0, walls, wall_thickness)
+    both = _from_sizes(depth, length, width, outside_diameter, walls, options.form)
     by_sizes = np.maximum(*both)
     value, sigma = by_sizes.copy(), 0.3 * by_sizes
     basis = np.where(np.isfinite(by_sizes), "sizes", "").astype(object)
     if wall is not None and options.basis == "profile":
         for k in range(dents.sizes["dent"]):
-            pair = [_strain_at(dents, wall, k, wall_thickness, options, window) for window in options.windows]
+            pair = [_strain_at(dents, wall, k, outside_diameter, walls[k], options, window) for window in options.windows]
             if np.isfinite(pair[0]):
                 share = _relative_sigma(dents, k)
                 value[k], basis[k] = pair[0], "profile"
@@ -164,7 +168,9 @@ def add_dent_strain(
     return added.assign_attrs(strain_form=options.form)
 
 
-def _strain_at(dents: xr.Dataset, wall: xr.Dataset, k: int, thickness: float, options: DentStrainOptions, window: float) -> float:
+def _strain_at(
+    dents: xr.Dataset, wall: xr.Dataset, k: int, outside_diameter: float, thickness: float, options: DentStrainOptions, window: float
+) -> float:
     """Largest strain of one dent from the wall within ``window`` sizes of it; NaN where the wall is too coarse."""
     centre, clock = float(dents["chainage"][k]), float(dents["clock"][k])
     length, width, depth = (float(dents[n][k]) for n in ("length", "width", "depth"))
@@ -173,8 +179,8 @@ def _strain_at(dents: xr.Dataset, wall: xr.Dataset, k: int, thickness: float, op
     place, angle = wall["chainage"].values, np.radians((wall["clock"].values - clock + 180) % 360 - 180)
     rows = np.flatnonzero(np.abs(place - centre) <= 0.5 * window * length)
     order = np.argsort(angle)
-    radius = float(np.nanmedian(wall["reference_radius"].values[rows])) if rows.size else np.nan
-    half = min(0.5 * window * width / radius, np.pi) if np.isfinite(radius) else 0.0
+    radius = 0.5 * outside_diameter  # the width is an arc on the outside
+    half = min(0.5 * window * width / radius, np.pi) if rows.size else 0.0
     columns = order[np.abs(angle[order]) <= half]
     inside = np.abs(place[rows] - centre) <= 0.5 * length
     if inside.sum() < 6 or (np.abs(angle[columns]) <= 0.5 * width / radius).sum() < 6:

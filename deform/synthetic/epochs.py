@@ -14,17 +14,14 @@ from deform.geometry.earth import enu_difference, enu_shift
 from deform.options import MovementOptions, ReplacementOptions, SimulateOptions
 from deform.synthetic import _kernels
 from deform.synthetic._kernels import AZIMUTH, HEIGHT, LATITUDE, LONGITUDE, PITCH, RISE, TURN, S
-from deform.synthetic.lists import WeldList, joint_lists
 from deform.synthetic.route import Line, draw_lengths, stream
 
 __all__ = [
-    "WeldList",
     "calm_spans",
     "dents_at",
     "displacement",
     "events_at",
     "fittings_at",
-    "joint_lists",
     "line_at",
     "place_of",
     "shifted",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deform.options import RunOptions, SimulateOptions, ToolOptions
 from deform.synthetic.arms import FILL, PACKING_M
-from deform.synthetic.imu import Grade, grade_of, rate_of
+from deform.synthetic.imu import FIGURES, Grade, grade_of, rate_of
 
 SOURCE = "simulated data; no real pipeline or tool"
 _PACKED: dict[str, Any] = {"zlib": True, "complevel": 4, "shuffle": True}
@@ -120,7 +120,7 @@ def write_header(path: Path, options: SimulateOptions, run: RunOptions, tool: To
         "\n[imu]",
         f"rate_hz = {rate_of(tool)}",
         f"sensor_to_body = {matrix}",
-        *(f"{name} = {getattr(grade, name)}" for name in _IMU_FIGURES),
+        *(f"{name} = {getattr(grade, name)}" for name in FIGURES),
         "\n[odometer]",
         f"wheels = {tool.wheels}",
         f"scale_error = {tool.wheel_scale}",
@@ -130,16 +130,6 @@ def write_header(path: Path, options: SimulateOptions, run: RunOptions, tool: To
         rings = f"ring_offset_m = {list(tool.ring_offset_m)}"
         lines += ["\n[caliper]", f"arms = {tool.arms}", rings, f"noise_m = {tool.arm_noise_m}"]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-_IMU_FIGURES = (
-    "gyro_bias_deg_per_h",
-    "gyro_random_walk_deg_per_sqrt_h",
-    "gyro_scale_ppm",
-    "accel_bias_ug",
-    "accel_random_walk_ug_per_sqrt_hz",
-    "accel_scale_ppm",
-)
 
 
 def _variable(file: netCDF4.Dataset, name: str, kind: str, dims: tuple[str, ...], chunk: int | None, **attrs: str) -> Any:

@@ -23,6 +23,14 @@ DEG_PER_H = np.pi / 180.0 / 3600.0
 DEG_PER_SQRT_H = np.pi / 180.0 / 60.0
 ARCSECOND = np.pi / 180.0 / 3600.0
 MICRO_G = 9.80665e-6
+FIGURES = (  # of a grade that the header of a run states
+    "gyro_bias_deg_per_h",
+    "gyro_random_walk_deg_per_sqrt_h",
+    "gyro_scale_ppm",
+    "accel_bias_ug",
+    "accel_random_walk_ug_per_sqrt_hz",
+    "accel_scale_ppm",
+)
 
 
 @dataclass(frozen=True)
@@ -47,6 +55,8 @@ GRADES: dict[str, Grade] = {
     "navigation": Grade(100.0, 0.01, 0.002, 10.0, 50.0, 10.0, 50.0, 0.05 * ARCSECOND, 2e-5),
     # Li et al. (2014), table 1; scale of the gyros and pulses are not given there
     "li-2014": Grade(200.0, 0.01, 0.002, 10.0, 50.0, 10.0, 50.0, 0.05 * ARCSECOND, 2e-5),
+    # Li et al. (2012), section 5.1; the random walk is not given there: this one would make his scatter of 0.008 degree
+    "li-2012": Grade(200.0, 0.01, 0.0005, 10.0, 50.0, 10.0, 50.0, 0.05 * ARCSECOND, 2e-5),
     "tactical": Grade(100.0, 1.0, 0.1, 150.0, 500.0, 60.0, 200.0, 0.5 * ARCSECOND, 1e-4, 2e-4),
     # Honeywell H778 in Porter (1990), table 2-1 and §3.7
     "porter-1990": Grade(16.0, 10.0, 0.1, 500.0, 1000.0, 100.0, 500.0, 25.1787 * ARCSECOND, 0.0047625, 3e-4),

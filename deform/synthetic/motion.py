@@ -167,7 +167,13 @@ def _ride(table: Floats, tool: ToolOptions, rng: np.random.Generator) -> None:
 
 
 def _waves(
-    table: Floats, column: int, sigma: float, lengths: tuple[float, float], rng: np.random.Generator, n: int = 10, slope: float = 1.0
+    table: Floats,
+    column: int,
+    sigma: float,
+    lengths: tuple[float, float],
+    rng: np.random.Generator,
+    n: int = 10,
+    slope: float = 1.0,
 ) -> None:
     """Add sinusoids of a standard deviation in all to a column, their derivative to the next one; see `ToolOptions`."""
     s = table[:, 0]

@@ -133,6 +133,11 @@ def _write_truth(passage, folder, options, errors, scale, dents, welds, markers,
     files.write_table(folder / "slips_truth.csv", slips)
 
 
+def heard_markers(passage: Passage, options: SimulateOptions) -> pd.DataFrame:
+    """Return the rows of ``markers.csv``: markers as heard and surveyed."""
+    return _markers(passage, options)[0]
+
+
 def _markers(passage: Passage, options: SimulateOptions) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the markers as heard and surveyed, and the undisturbed ones."""
     tool, line, route = passage.tool, passage.line, options.route

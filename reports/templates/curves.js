@@ -49,8 +49,14 @@ const Curves = (() => {
   function layered(series) {
     const base = unpack(series.base), fine = (series.fine || []).map(unpack);
     const limit = series.limit ? unpack(series.limit) : null;
+    const sigmas = (series.sigma || []).map(unpack);
+    /* One standard deviation at a place, inside a piece that holds the stretch; null where none does. */
+    function sigmaIn(a, b) {
+      const held = sigmas.find((f) => f.first <= a + 1 && f.last >= b - 1);
+      return held ? (place) => held.value(Math.min(Math.max(held.find(place), 0), held.n - 1)) || 0 : null;
+    }
     const pick = (a, b) => fine.find((f) => f.first <= a + 1e-6 && f.last >= b - 1e-6) || base;
-    return { base, limit, view: (a, b, columns) => view(pick(a, b), a, b, columns) };
+    return { base, limit, sigmaIn, view: (a, b, columns) => view(pick(a, b), a, b, columns) };
   }
 
   return { unpack, view, layered };

@@ -16,7 +16,8 @@ const Surfaces = (() => {
     }
     return { type: "mesh3d", x, y, z, i, j, k: kk, intensity: depth };
   }
-  function draw(place, surface, css) {
+  function draw(place, surface, page) {
+    const { css, data } = page;
     const length = surface.distance[surface.distance.length - 1] - surface.distance[0];
     const angle = (surface.at * Math.PI) / 180, above = Math.abs(Math.cos(angle)) > 0.9;
     const side = (above ? Math.cos(angle) > 0 : Math.sin(angle) < 0) ? 1 : -1; // the first run stands on the left
@@ -24,16 +25,16 @@ const Surfaces = (() => {
     const all = runs.map((run, k) => mesh(surface, surface.runs.indexOf(run), side * k * (length * 1.15)));
     const top = Math.max(...all.flatMap((m) => [Math.max(...m.intensity)]));
     const list = all.map((m, k) => ({
-      ...m, colorscale: "Cividis", reversescale: true, cmin: -0.2 * top, cmax: top, showscale: k === 0, colorbar: { title: { text: small ? "mm" : "depth (mm)" }, thickness: small ? 10 : 20, tickfont: { color: css("--ink") } },
-      lighting: { ambient: 0.55, diffuse: 0.8, specular: 0.1 }, name: runs[k].replace(/</g, "&lt;"), hovertemplate: "depth %{intensity:.1f} mm<extra>%{fullData.name}</extra>",
+      ...m, colorscale: data.scale, cmin: data.scaleLeast * top, cmax: top, showscale: k === 0, colorbar: { title: { text: small ? "mm" : "depth (mm)" }, thickness: small ? 10 : 20, tickfont: { color: css("--ink") } },
+      lighting: { ambient: 0.55, diffuse: 0.8, specular: 0.1 }, name: page.safe(runs[k]), hovertemplate: "depth %{intensity:.1f} mm<extra>%{fullData.name}</extra>",
     }));
     const far = runs.length > 2 ? 2.2 : 1.8, eye = { x: 0.25 * side, y: far * Math.sin(angle), z: far * Math.cos(angle) };
     const up = above ? { x: 0, y: 1, z: 0 } : { x: 0, y: 0, z: 1 };
     const axis = { gridcolor: css("--grid"), color: css("--ink"), backgroundcolor: "rgba(0,0,0,0)" };
-    const title = `${runs.join("  →  ")}${runs.length > 1 ? " side by side" : ""}, depth × ${EXAGGERATION}`.replace(/</g, "&lt;");
+    const title = page.safe(`${runs.join("  →  ")}${runs.length > 1 ? " side by side" : ""}, depth × ${EXAGGERATION}`);
     Plotly.newPlot(place, list, {
-      margin: { l: 0, r: 0, t: 34, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", font: { color: css("--ink") }, title: { text: title, font: { size: 13 } },
-      scene: { aspectmode: "data", camera: { eye, up, projection: { type: "orthographic" } }, xaxis: { ...axis, title: { text: "along (m)" } }, yaxis: { ...axis, title: { text: "right (m)" } }, zaxis: { ...axis, title: { text: "up (m)" } } },
+      margin: { l: 0, r: 0, t: 34, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", font: { family: "Inter, system-ui, sans-serif", color: css("--ink") }, title: { text: title, font: { size: 13 } },
+      scene: { aspectmode: "data", camera: { eye, up, projection: { type: "orthographic" } }, xaxis: { ...axis, title: { text: "along (m), + = downstream" } }, yaxis: { visible: false }, zaxis: { visible: false } },
     }, { responsive: true, displaylogo: false, displayModeBar: false });
   }
   return { draw };

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deform.caliper._kernels import bead_and_step, fill_bins, inward_running
-from deform.caliper.cross_section import SectionFitter, harmonic_basis, to_pipe_clock
+from deform.caliper._kernels import bead_and_step, departures, fill_bins, unrest
+from deform.caliper.cross_section import to_pipe_clock, to_tool_angle
 from deform.caliper.weld_chain import _length_score, with_joint_lengths
 from deform.caliper.weld_hits import hit_centre, hit_score
+from deform.geometry.harmonics import HarmonicFitter, harmonic_basis
 
 _SPEC = importlib.util.spec_from_file_location("naive_caliper", Path(__file__).parents[1] / "naive" / "caliper.py")
 naive = importlib.util.module_from_spec(_SPEC)
@@ -32,18 +33,30 @@ def scans(n=60, seed=1):
 
 def test_the_robust_section_equals_its_plain_twin():
     radius = scans()
-    harmonics, *_ = SectionFitter(ANGLE, 3e-4).fit(radius)
+    harmonics, *_ = HarmonicFitter(ANGLE, 3e-4).fit(radius)
     twin = np.array([naive.robust_section(r, harmonic_basis(ANGLE), 3e-4) for r in radius])
     assert harmonics == pytest.approx(twin, abs=1e-8)
 
 
-def test_inward_running_equals_its_plain_twin():
+def test_departures_equal_their_plain_twin():
     residual = scans() - 0.15
-    depth, arm = np.empty(60), np.empty(60, np.int64)
-    inward_running(residual, 2, depth, arm)
-    twin = naive.inward_running(residual, 2)
-    assert depth == pytest.approx(twin[0], abs=1e-12)
-    assert (arm == twin[1]).all()
+    dip, bulge = np.empty(60), np.empty(60)
+    dip_arm, bulge_arm = np.empty(60, np.int64), np.empty(60, np.int64)
+    departures(residual, 2, dip, dip_arm, bulge, bulge_arm)
+    for size, arm, side in ((dip, dip_arm, residual), (bulge, bulge_arm, -residual)):
+        twin = naive.inward_running(side, 2)
+        assert size == pytest.approx(twin[0], abs=1e-12)
+        assert (arm == twin[1]).all()
+
+
+def test_unrest_is_the_mean_step_of_each_arm_between_scans_in_use():
+    radius, use = scans(), np.random.default_rng(2).random(60) > 0.2
+    step, count = np.empty(ARMS), np.empty(ARMS)
+    unrest(radius, use, step, count)
+    pairs = np.flatnonzero(use[1:] & use[:-1])
+    change = np.abs(radius[pairs + 1] - radius[pairs])
+    assert step == pytest.approx(np.nanmean(change, axis=0), abs=1e-12)
+    assert (count == np.isfinite(change).sum(axis=0)).all()
 
 
 def test_bead_and_step_equal_their_plain_twin():
@@ -66,10 +79,11 @@ def test_an_oval_pipe_stays_where_it_is_while_the_tool_rolls(sign):
     x = 0.15 + oval_cos * np.cos(2 * clock) + oval_sin * np.sin(2 * clock)
     along = right * np.sin(clock) + up * np.cos(clock)
     radius = along + np.sqrt(x**2 - (right * np.cos(clock) - up * np.sin(clock)) ** 2)
-    harmonics, *_ = SectionFitter(ANGLE, 3e-4).fit(radius)
+    harmonics, *_ = HarmonicFitter(ANGLE, 3e-4).fit(radius)
     found = to_pipe_clock(harmonics, roll, sign)
     for value, true in zip(found, (0.15, right, up, oval_cos, oval_sin), strict=True):
         assert value == pytest.approx(np.full(50, true), abs=8e-6)
+    assert to_tool_angle(*found, roll, sign) == pytest.approx(harmonics, abs=1e-9)  # third order in offset over radius
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -13,7 +12,7 @@ from caliper_runs import demo_run, true_trajectory
 
 from deform.caliper.measure import measure
 from deform.caliper.weld_chain import with_joint_lengths
-from deform.caliper.weld_channels import HEARD, Channel, arms_channel
+from deform.caliper.weld_channels import HEARD, Channel, channel_of_radius
 from deform.caliper.welds import weld_log
 from deform.options import RouteOptions, RunOptions, SimulateOptions, ToolOptions
 from deform.synthetic.simulate import simulate
@@ -39,7 +38,7 @@ def ring(seed, depth=0.0, width=0.3, moved=0.0):
     radius[(place > STEP_WELDS[0]) & (place < STEP_WELDS[1])] -= 0.002
     for start in RECESSES:
         radius[(place > start) & (place < start + width)] += depth
-    return arms_channel(SimpleNamespace(chainage=place, radius=radius, good=np.ones(place.size, bool)))
+    return channel_of_radius(place, radius)
 
 
 def heard(name, place, score, seed):

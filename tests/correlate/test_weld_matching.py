@@ -7,21 +7,16 @@ import pandas as pd
 import pytest
 
 from deform.correlate import match_runs
+from deform.correlate.chainage import ChainageMap
 from deform.errors import InputError, WrongLineError
 from deform.options import MatchOptions
 from deform.run import build
-from tests.correlate.lines import Line, cut_out, line, observe
+from tests.correlate.lines import JointList, bare, build_line, cut_out, observe, run_of
 
 FOOT = 0.3048
 
 
-def run_of(name: str, seen: Line, **more):
-    """A run that holds the welds of a list."""
-    values = {"chainage": seen.place, "probability": np.full(seen.place.size, 0.95), **more}
-    return build.run_tree({"id": name, "date": name, "source": "listing"}, welds=build.dataset("welds", values))
-
-
-def truth(matching, lists: dict[str, Line]) -> pd.DataFrame:
+def truth(matching, lists: dict[str, JointList]) -> pd.DataFrame:
     """Rows with an index, with the true identity of the weld (-1 none)."""
     rows = matching.welds[matching.welds["index"].notna()].copy()
     rows["true"] = [lists[r].weld[int(k)] for r, k in zip(rows["run"], rows["index"], strict=True)]
@@ -31,7 +26,7 @@ def truth(matching, lists: dict[str, Line]) -> pd.DataFrame:
 def three_epochs(seed: int = 0, n: int = 400):
     """A line before and after a cut-out of six joints by seven, seen three times."""
     rng = np.random.default_rng(seed)
-    first = line(rng, n, equal=0.1)
+    first = build_line(rng, n, equal=0.1)
     later = cut_out(rng, first, 200, 6, 7)
     lists = {str(y): observe(rng, t, noise=0.02) for y, t in ((2019, first), (2021, first), (2023, later))}
     return first, later, lists, match_runs([run_of(k, v) for k, v in lists.items()])
@@ -79,7 +74,7 @@ def test_every_weld_that_is_not_matched_has_a_reason():
 
 def test_eight_epochs_close_every_cycle():
     rng = np.random.default_rng(1)
-    true = line(rng, 300)
+    true = build_line(rng, 300)
     lists = {}
     for k in range(8):
         if k in (3, 6):
@@ -94,7 +89,7 @@ def test_eight_epochs_close_every_cycle():
 
 def test_map_follows_the_pipe_and_says_where_it_does_not_hold():
     rng = np.random.default_rng(2)
-    first = line(rng, 400, equal=0.1)
+    first = build_line(rng, 400, equal=0.1)
     later = cut_out(rng, first, 200, 6, 7)
     lists = {"a": observe(rng, first, noise=0.01), "b": observe(rng, later, noise=0.01, scale=1.02)}
     chainage = match_runs([run_of(k, v) for k, v in lists.items()]).maps["b"]
@@ -114,7 +109,7 @@ def test_map_follows_the_pipe_and_says_where_it_does_not_hold():
 
 def test_a_listing_in_the_other_direction_has_a_map_that_falls():
     rng = np.random.default_rng(3)
-    true = line(rng, 300, equal=0.1)
+    true = build_line(rng, 300, equal=0.1)
     lists = {"a": observe(rng, true), "b": observe(rng, true, reverse=True), "c": observe(rng, true)}
     matching = match_runs([run_of(k, v) for k, v in lists.items()])
     assert matching.maps["b"].direction == -1
@@ -128,8 +123,8 @@ def test_a_listing_in_the_other_direction_has_a_map_that_falls():
 
 def test_length_change_of_a_joint_is_found_with_its_sigma():
     rng = np.random.default_rng(4)
-    true = line(rng, 300, equal=0.1)
-    longer = Line(true.place + np.where(np.arange(true.place.size) > 150, 0.15, 0.0), true.weld)
+    true = build_line(rng, 300, equal=0.1)
+    longer = bare(true.place + np.where(np.arange(true.place.size) > 150, 0.15, 0.0), true.weld)
     lists = {k: observe(rng, t, missed=0, false=0, noise=0.01) for k, t in (("a", true), ("b", longer))}
     joints = match_runs([run_of(k, v) for k, v in lists.items()]).joints
     at = joints.iloc[150]
@@ -141,7 +136,7 @@ def test_length_change_of_a_joint_is_found_with_its_sigma():
 
 def test_a_weld_that_the_detector_doubts_and_nobody_else_shows_is_false():
     rng = np.random.default_rng(5)
-    true = line(rng, 200)
+    true = build_line(rng, 200)
     a, b = (observe(rng, true, missed=0, false=0, noise=0.01) for _ in range(2))
     probability = np.full(b.place.size + 1, 0.95)
     place = np.insert(b.place, 101, b.place[100] + 5.0)
@@ -155,7 +150,7 @@ def test_a_weld_that_the_detector_doubts_and_nobody_else_shows_is_false():
 
 def test_a_doubted_weld_of_new_pipe_counts_when_the_joint_would_be_too_long_without_it():
     rng = np.random.default_rng(15)
-    first = line(rng, 200, equal=0.1)
+    first = build_line(rng, 200, equal=0.1)
     later = cut_out(rng, first, 100, 6, 7)
     a, b = observe(rng, first, missed=0, false=0, noise=0.01), observe(rng, later, missed=0, false=0, noise=0.01)
     new = np.flatnonzero(b.weld > first.weld.max())
@@ -171,10 +166,10 @@ def test_a_doubted_weld_of_new_pipe_counts_when_the_joint_would_be_too_long_with
 
 def test_doubled_and_unsorted_rows_are_said_and_survive(caplog):
     rng = np.random.default_rng(6)
-    true = line(rng, 200)
+    true = build_line(rng, 200)
     a, b = (observe(rng, true, missed=0, false=0, noise=0.01) for _ in range(2))
     place = np.insert(b.place, 51, b.place[50] + 0.01)[::-1]
-    matching = match_runs([run_of("a", a), run_of("b", Line(place, place))])
+    matching = match_runs([run_of("a", a), run_of("b", bare(place, place))])
     assert "not sorted" in caplog.text
     assert "doubles" in caplog.text
     mine = matching.welds[matching.welds["run"] == "b"]
@@ -187,7 +182,7 @@ def test_walls_and_seams_pin_the_ends_of_a_cut_out_of_equal_pipe():
     rng = np.random.default_rng(7)
     joints = np.where(rng.random(400) < 0.9, 12.2, rng.uniform(3, 11, 400))
     joints[190:210] = 12.2
-    true = Line(np.concatenate([[0.0], np.cumsum(joints)]), np.arange(401))
+    true = bare(np.concatenate([[0.0], np.cumsum(joints)]), np.arange(401))
     a, b = (observe(rng, true, missed=0, false=0, noise=0.02) for _ in range(2))
     seam, wall = rng.uniform(0, 360, 401), np.where(rng.random(401) < 0.3, 0.0127, 0.0087)
     new_seam, new_wall = (seam + 40.0 + rng.normal(0, 5, 401)) % 360.0, wall.copy()
@@ -197,7 +192,7 @@ def test_walls_and_seams_pin_the_ends_of_a_cut_out_of_equal_pipe():
     inner[198:203] = [0.9, -0.8, 1.1, -0.7, 0.6]
     runs = [
         run_of("a", a, seam_clock=seam, wall_thickness=wall),
-        run_of("b", Line(b.place + inner, b.weld), seam_clock=new_seam, wall_thickness=new_wall),
+        run_of("b", bare(b.place + inner, b.weld), seam_clock=new_seam, wall_thickness=new_wall),
     ]
     matching = match_runs(runs)
     cut = matching.edits[matching.edits["kind"] == "cutout"]
@@ -208,7 +203,7 @@ def test_walls_and_seams_pin_the_ends_of_a_cut_out_of_equal_pipe():
 
 def test_locks_are_honoured_and_faults_in_them_are_named():
     rng = np.random.default_rng(8)
-    true = line(rng, 100)
+    true = build_line(rng, 100)
     a, b = (observe(rng, true, missed=0, false=0) for _ in range(2))
     runs = [run_of("a", a), run_of("b", b)]
     locks = pd.DataFrame(
@@ -230,14 +225,14 @@ def test_locks_are_honoured_and_faults_in_them_are_named():
 
 def test_runs_of_two_lines_are_refused_with_the_numbers():
     rng = np.random.default_rng(9)
-    runs = [run_of("a", observe(rng, line(rng, 300))), run_of("b", observe(rng, line(rng, 300)))]
+    runs = [run_of("a", observe(rng, build_line(rng, 300))), run_of("b", observe(rng, build_line(rng, 300)))]
     with pytest.raises(WrongLineError, match=r"a and b.*\d+ and \d+ welds"):
         match_runs(runs)
 
 
 def test_runs_without_welds_and_doubled_ids_are_named():
     rng = np.random.default_rng(10)
-    good = run_of("a", observe(rng, line(rng, 100)))
+    good = run_of("a", observe(rng, build_line(rng, 100)))
     bare = build.run_tree({"id": "bare", "date": "b", "source": "raw"})
     with pytest.raises(InputError, match=r"bare.*welds"):
         match_runs([good, bare])
@@ -249,7 +244,7 @@ def test_runs_without_welds_and_doubled_ids_are_named():
 
 def test_one_run_alone_is_its_own_reference():
     rng = np.random.default_rng(11)
-    matching = match_runs([run_of("a", observe(rng, line(rng, 100)))])
+    matching = match_runs([run_of("a", observe(rng, build_line(rng, 100)))])
     assert matching.reference == "a"
     np.testing.assert_allclose(matching.maps["a"].to_run([10.0, 50.0]), [10.0, 50.0])
     assert len(matching.joints) > 90
@@ -257,12 +252,66 @@ def test_one_run_alone_is_its_own_reference():
 
 def test_no_weld_of_one_run_takes_two_of_another_under_repeated_labels():
     rng = np.random.default_rng(12)
-    true = line(rng, 200)
+    true = build_line(rng, 200)
     a, b = (observe(rng, true, missed=0, false=0) for _ in range(2))
     labels = np.asarray([str(10 * (k % 50)) for k in range(a.place.size)], object)
     welds = match_runs([run_of("a", a, label=labels), run_of("b", b, label=labels)]).welds
     assert not welds.duplicated(["weld_id", "run"]).any()
     assert (welds["status"] == "matched").all()
+
+
+def test_a_list_half_in_feet_is_said_and_its_other_half_matched(caplog):
+    rng = np.random.default_rng(22)
+    true = build_line(rng, 400, equal=0.2)
+    a, b = (observe(rng, true, missed=0, false=0, noise=0.01) for _ in range(2))
+    joints = np.diff(b.place)
+    joints[250:] /= 0.3048
+    mixed = bare(np.concatenate([[0.0], np.cumsum(joints)]), b.weld)
+    rows = truth(match_runs([run_of("a", a), run_of("b", mixed)]), {"a": a, "b": mixed})
+    assert "foot and metre" in caplog.text
+    both = rows[(rows["status"] == "matched") & (rows["true"] < 250)].groupby("weld_id")["true"].agg(["nunique", "size"])
+    assert (both["nunique"] == 1).all()
+    assert (both["size"] == 2).mean() > 0.98
+
+
+def test_joints_of_zero_length_are_doubles_and_cost_no_other_weld():
+    rng = np.random.default_rng(23)
+    true = build_line(rng, 200)
+    a, b = (observe(rng, true, missed=0, false=0, noise=0.01) for _ in range(2))
+    place = np.sort(np.concatenate([b.place, b.place[[40, 41, 90]]]))
+    mine = match_runs([run_of("a", a), run_of("b", bare(place, place))]).welds
+    mine = mine[mine["run"] == "b"]
+    assert (mine["status"] == "false").sum() == 3
+    assert (mine["status"] == "matched").sum() == a.n
+
+
+def test_every_stretch_says_how_much_it_outweighs_the_next_best():
+    _, _, _, matching = three_epochs()
+    table = matching.stretches
+    assert set(table["run_a"]) == {"2019", "2021"}
+    assert (table.groupby(["run_a", "run_b"])["welds"].sum() > 350).all()
+    long = table[table["welds"] > 100]
+    assert (long["margin_nats"] > 100).all()
+    assert (table["margin_nats"] > -1e-6).all()
+    changed = table[(table["run_a"] == "2021") & (table["run_b"] == "2023") & (table["welds"] > 50)]
+    assert len(changed) == 2  # before and behind the cut-out
+
+
+def test_sigma_of_the_map_is_honest_at_welds_that_took_no_part_in_it():
+    z = []
+    for seed in range(6):
+        rng = np.random.default_rng(40 + seed)
+        true = build_line(rng, 300, equal=0.1)
+        a, b = (observe(rng, true, missed=0.02, false=0.02, noise=0.03) for _ in range(2))
+        chainage = match_runs([run_of("a", a), run_of("b", b)]).maps["b"]
+        common = np.intersect1d(a.weld[a.weld >= 0], b.weld)
+        at = [v.place[[np.flatnonzero(v.weld == w)[0] for w in common]] for v in (a, b)]
+        held = np.isin(at[0], chainage.reference)
+        for k in np.flatnonzero(held)[1:-1:7]:  # leave this weld out of the map
+            keep = chainage.reference != at[0][k]
+            without = ChainageMap("b", chainage.reference[keep], chainage.own[keep], chainage.node_sigma)
+            z.append((without.to_run(at[0][k]) - at[1][k]) / without.sigma(at[0][k]))
+    assert 0.90 < np.mean(np.abs(z) < 1.96) <= 1.0
 
 
 # ---- the two real listings -----------------------------------------------------------------------------
@@ -292,7 +341,7 @@ def test_the_two_real_listings_are_matched_without_one_fault_from_lengths_alone(
     numbers = {k: v[0] for k, v in listings.items()}
     if turned:
         places["2015"], numbers["2015"] = 20000.0 - places["2015"][::-1], numbers["2015"][::-1]
-    matching = match_runs([run_of(k, Line(p, p), probability=np.ones(p.size)) for k, p in places.items()], MatchOptions())
+    matching = match_runs([run_of(k, bare(p, p), probability=np.ones(p.size)) for k, p in places.items()], MatchOptions())
     rows = matching.welds[matching.welds["index"].notna()]
     number = [numbers[r][int(k)] for r, k in zip(rows["run"], rows["index"], strict=True)]
     claimed = rows.assign(number=number)

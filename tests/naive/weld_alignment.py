@@ -6,113 +6,126 @@ import math
 
 import numpy as np
 
-STATES = ("M", "D", "A", "B")
+FEW = [(1, 1), (1, 2), (2, 1), (1, 3), (3, 1), (2, 2)]
 
 
-def t3(r, sigma):
-    """Student's t with three degrees of freedom."""
-    return 2.0 / (math.pi * math.sqrt(3.0) * sigma) / (1.0 + (r / sigma) ** 2 / 3.0) ** 2
+def student(r, sigma, shape):
+    """Student's t with 2 ** (shape + 1) - 1 degrees of freedom."""
+    nu = 2.0 ** (shape + 1) - 1.0
+    peak = math.gamma(0.5 * (nu + 1.0)) / math.gamma(0.5 * nu) / math.sqrt(math.pi * nu)
+    return peak / sigma / (1.0 + r * r / (nu * sigma * sigma)) ** (0.5 * (nu + 1.0))
 
 
-def move_weight(a, b, i, j, x, y, g, g_at, t):
-    """Weights (same welds in between, strangers in between) of a joints of A against b of B that end at (i, j).
+class Twin:
+    """Two lists of places, densities as functions of a length, rates, and hints as functions of a cell."""
 
-    ``g`` gives the density at joint k of a list ('a' or 'b'), ``g_at`` at a length.
-    """
-    la = [x[i - k] - x[i - k - 1] for k in range(a)]
-    lb = [y[j - k] - y[j - k - 1] for k in range(b)]
-    r = sum(lb) - sum(la)
-    f = t3(r, t.sigma)
-    ga, gb = [g("a", i - k) for k in range(a)], [g("b", j - k) for k in range(b)]
-    if (a, b) == (1, 1):
-        return t.same * f / math.sqrt(ga[0] * gb[0]), 0.0
-    if abs(r) > 15 * t.sigma:
-        return 0.0, 0.0
-    if (a, b) in ((1, 2), (1, 3)):
-        return f * _split(sum(la), ga[0], gb, t.missed_a, t.false_b), 0.0
-    if (a, b) in ((2, 1), (3, 1)):
-        return f * _split(sum(lb), gb[0], ga, t.missed_b, t.false_a), 0.0
-    shift = lb[1] - la[1]
-    cauchy = 1.0 / (math.pi * t.shift_m * (1.0 + (shift / t.shift_m) ** 2))
-    same = f * t.shifted * cauchy / math.sqrt(ga[0] * ga[1] * gb[0] * gb[1])
-    whole = sum(la)
-    # index 1 is the first joint, 0 the second
-    each_missed_one = t.missed_a * t.missed_b * g_at(abs(shift)) / ((ga[0] * gb[1]) if shift > 0 else (ga[1] * gb[0]))
-    one_false = t.missed_a * t.false_a / whole / (ga[0] * ga[1]) + t.missed_b * t.false_b / whole / (gb[0] * gb[1])
-    both_false = t.false_a * t.false_b / whole**2 * g_at(whole) / (ga[0] * ga[1] * gb[0] * gb[1])
-    return same, f * (each_missed_one + one_false + both_false)
+    def __init__(self, x, y, density, shared, fresh, slack, t, weld=lambda i, j: 1.0, joint=lambda i, j: 1.0):
+        self.x, self.y, self.density, self.shared, self.fresh = x, y, density, shared, fresh
+        self.slack, self.t, self.weld, self.joint = slack, t, weld, joint
 
-
-def _split(whole, g_whole, pieces, missed, false):
-    k = len(pieces) - 1
-    real = missed**k / g_whole
-    none = math.factorial(k) * (false / whole) ** k / math.prod(pieces)
-    mixed = 0.0
-    if k == 2:
-        mixed = missed * false / whole / g_whole * (1.0 / pieces[0] + 1.0 / pieces[2])
-    return real + none + mixed
-
-
-def alignments(x, y, g, g_at, t, evidence=lambda i, j: 1.0, ending=lambda i, j: 1.0, traits=lambda i, j: 1.0):
-    """Weight of all alignments, posterior of every pair, part of it displaced, weight of the best alignment."""
-    n, m = len(x), len(y)
-    moves = [(1, 1), (1, 2), (2, 1), (1, 3), (3, 1), (2, 2)]
-
-    def weight(a, b, i, j):
-        same, strangers = move_weight(a, b, i, j, x, y, g, g_at, t)
-        if (a, b) == (2, 2):
-            same *= evidence(i - 1, j - 1)
+    def few(self, a, b, i, j):
+        """Weights (the weld between them displaced, all else) of a joints of A against b of B that end at (i, j)."""
+        t, x, y = self.t, self.x, self.y
+        la = [x[i - k] - x[i - k - 1] for k in range(a)][::-1]
+        lb = [y[j - k] - y[j - k - 1] for k in range(b)][::-1]
+        r = sum(lb) - sum(la)
+        f = student(r, t.sigma, t.shape)
+        ga, gb = [self.density(v) for v in la], [self.density(v) for v in lb]
         if (a, b) == (1, 1):
-            same *= traits(i - 1, j - 1)
-        return same, strangers
+            return 0.0, t.same * f * self.shared(0.5 * (la[0] + lb[0])) / (ga[0] * gb[0]) * self.joint(i, j)
+        if abs(r) >= 15 * t.sigma:
+            return 0.0, 0.0
+        first = self.joint(i - a + 1, j - b + 1)
+        if a == 1:
+            return 0.0, f * self.split(ga[0], gb, t.missed_a, t.again, t.false_b) * first
+        if b == 1:
+            return 0.0, f * self.split(gb[0], ga, t.missed_b, t.again, t.false_a) * first
+        shift = lb[0] - la[0]
+        cauchy = 1.0 / (math.pi * t.shift_m * (1.0 + (shift / t.shift_m) ** 2))
+        same = f * t.shifted * cauchy / math.sqrt(ga[0] * ga[1] * gb[0] * gb[1])
+        same *= first * self.joint(i, j) * self.weld(i - 1, j - 1)
+        each_missed_one = t.missed_a * t.missed_b * self.density(abs(shift))
+        each_missed_one /= (ga[1] * gb[0]) if shift > 0 else (ga[0] * gb[1])
+        one_false = t.missed_a * t.false_a / (ga[0] * ga[1]) + t.missed_b * t.false_b / (gb[0] * gb[1])
+        both_false = t.false_a * t.false_b * self.density(sum(la)) / (ga[0] * ga[1] * gb[0] * gb[1])
+        return same, f * (each_missed_one + one_false + both_false)
 
-    steps = [("M", "D", 1, 1, t.open_both), ("D", "D", 1, 1, t.extend)]
-    for s, di, dj in (("A", 1, 0), ("B", 0, 1)):
-        steps += [("D", s, di, dj, t.switch), (s, s, di, dj, t.extend_one)]
+    @staticmethod
+    def split(g_whole, pieces, missed, again, false):
+        """One joint against its pieces: each weld between them missed, or false."""
+        k = len(pieces) - 1
+        real = (missed if k == 1 else missed * again) / g_whole  # misses come in pairs
+        none = math.factorial(k) * false**k / math.prod(pieces)
+        mixed = missed * false / g_whole * (1.0 / pieces[0] + 1.0 / pieces[2]) if k == 2 else 0.0
+        return real + none + mixed
 
-    close = {"D": t.close, "A": t.close_one, "B": t.close_one}
+    def cut(self, a, b, i, j):
+        """Weight of a joints replaced by b of the same length, ending at (i, j)."""
+        r = (self.y[j] - self.y[j - b]) - (self.x[i] - self.x[i - a])
+        if abs(r) > 6.0 or not 4 <= a + b <= 32 or a > 16:
+            return 0.0
+        new = [self.y[j - k] - self.y[j - k - 1] for k in range(b)]
+        odds = math.prod(self.fresh(v) / self.density(v) for v in new)
+        closing = sum(min(1.0 / self.fresh(v), 60.0) for v in new) / b
+        kept = 0.9 * student(r, self.slack[a + b], 2) + 0.1 / (math.pi * (1.0 + r * r))
+        return self.t.cut * (1.0 - self.t.cut_more) * self.t.cut_more ** (a - 1) * odds * closing * kept
 
-    def sweep(join):
-        f = {s: np.zeros((n, m)) for s in STATES}
+    def edge(self, i, j):
+        """Weight of an alignment that begins (or ends) i and j welds from the ends of the lists."""
+        return 1.0 if i == 0 or j == 0 else self.t.ends * self.t.reroute_more ** (i + j)
+
+    def moves(self):
+        """All moves: from, to, weight with the weld between displaced, weight of all else, whether it is a cut-out."""
+        n, m, t = len(self.x), len(self.y), self.t
         for i in range(n):
             for j in range(m):
-                begin = i == 0 or j == 0
-                into = {s: [0.0] for s in STATES}
-                if begin:
-                    into["M"].append(1.0)
-                    into["D"].append(t.open_both)
-                for a, b, di, dj, w in steps:
-                    if i >= di and j >= dj:
-                        into[b].append(f[a][i - di, j - dj] * w)
-                for a, b in moves:
-                    if i >= a and j >= b:
-                        into["M"].append(f["M"][i - a, j - b] * sum(weight(a, b, i, j)))
-                for s in "DAB":
-                    f[s][i, j] = join(into[s])
-                into["M"] += [close[s] * ending(i, j) * f[s][i, j] for s in "DAB"]
-                f["M"][i, j] = join(into["M"]) * evidence(i, j)
-        ends = [f[s][i, j] for s in STATES for i in range(n) for j in range(m) if i == n - 1 or j == m - 1]
-        return f, join(ends)
+                for i0 in range(i):
+                    for j0 in range(j):
+                        a, b = i - i0, j - j0
+                        yield (i0, j0), (i, j), 0.0, t.reroute * t.reroute_more ** (a + b), False
+                        if (a, b) in FEW:
+                            yield (i0, j0), (i, j), *self.few(a, b, i, j), False
+                        w = self.cut(a, b, i, j)
+                        if w > 0.0:
+                            yield (i0, j0), (i, j), 0.0, w, True
 
-    f, total = sweep(sum)
-    _, best = sweep(max)
-    rest = {s: np.zeros((n, m)) for s in STATES}
-    shifted = np.zeros((n, m))
-    for i in range(n - 1, -1, -1):
-        for j in range(m - 1, -1, -1):
-            out = dict.fromkeys(STATES, 1.0 if i == n - 1 or j == m - 1 else 0.0)
-            for a, b, di, dj, w in steps:
-                if i + di < n and j + dj < m:
-                    out[a] += w * rest[b][i + di, j + dj]
-            for a, b in moves:
-                if i + a < n and j + b < m:
-                    same, strangers = weight(a, b, i + a, j + b)
-                    after = rest["M"][i + a, j + b] * evidence(i + a, j + b)
-                    out["M"] += (same + strangers) * after
-                    if (a, b) == (2, 2):
-                        shifted[i + 1, j + 1] += f["M"][i, j] * same * after / total
-            rest["M"][i, j] = out["M"]
-            for s in "DAB":
-                rest[s][i, j] = out[s] + close[s] * ending(i, j) * evidence(i, j) * out["M"]
-    match = f["M"] * rest["M"] / total + shifted
-    return total, match, shifted, best
+
+def alignments(twin: Twin, matters: float):
+    """Weight of all alignments, posterior of every pair, part of it displaced, weight of the best, best through every pair.
+
+    A cell with less than ``matters`` of the largest weight in its row begins no cut-out.
+    """
+    n, m = len(twin.x), len(twin.y)
+    moves = list(twin.moves())
+    into: dict = {}
+    for move in moves:
+        into.setdefault(move[1], []).append(move)
+    last = {(i, j): twin.edge(n - 1 - i, m - 1 - j) for i in range(n) for j in range(m)}
+
+    def sweep(join):
+        f = np.zeros((n, m))
+        for i in range(n):
+            for j in range(m):
+                parts = [twin.edge(i, j)]
+                for start, _, same, other, cut in into.get((i, j), []):
+                    if not cut or f[start] > matters * f[start[0]].max():
+                        parts.append(f[start] * (same + other))
+                f[i, j] = join(parts) * twin.weld(i, j)
+        rest, shifted = np.zeros((n, m)), np.zeros((n, m))
+        total = join([f[c] * last[c] for c in last])
+        behind = {c: [last[c]] for c in last}
+        for i in range(n - 1, -1, -1):
+            for j in range(m - 1, -1, -1):
+                rest[i, j] = join(behind[i, j])
+                for start, _, same, other, cut in into.get((i, j), []):
+                    if not cut or f[start] > matters * f[start[0]].max():
+                        after = twin.weld(i, j) * rest[i, j]
+                        behind[start].append((same + other) * after)
+                        if same > 0.0:
+                            at = (i - 1, j - 1)
+                            shifted[at] = join([shifted[at], f[start] * same * after / total])
+        return total, f * rest / total, shifted
+
+    total, match, shifted = sweep(sum)
+    best, through, displaced = sweep(max)
+    return total, match + shifted, shifted, best, np.maximum(through, displaced)

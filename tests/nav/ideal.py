@@ -67,7 +67,7 @@ def ideal_run(duration: float, rate: float = 100.0, latitude: float = 61.0, rest
         GYRO_PULSE,
         ACCEL_PULSE,
         compensation_table(ImuHeader(rate_hz=rate)),
-        2.5 / rate,
+        1.0 / rate,
     )
     distance = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * h)])[k]
     return Ideal(counts, distance, place[k], v[k], C[k])

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from deform.geometry import earth
+from deform.geometry import _kernels as geometry
+from deform.geometry import earth, rotation
 from deform.geometry.rotation import matrix_to_rotation_vector, rotation_vector_to_matrix
 from deform.nav import _kernels
 from deform.nav import _kernels_model as moves
 from deform.nav import _kernels_state as state
 from deform.nav.error_model import compose
+from deform.nav.profile import Profile
 from deform.nav.strapdown import epoch_bounds, mechanize, preintegrate
+from deform.options import NavigationOptions
 from deform.run.raw import RunHeader
 from tests.naive import navigation as naive
 from tests.nav.ideal import ideal_run
@@ -41,8 +46,9 @@ def header(**imu) -> RunHeader:
 
 
 def test_perfect_sensors_drift_less_than_a_decimetre_and_a_millidegree_in_an_hour():
+    """At 100 Hz and the filter's own interval; seen are 20 mm up (the truth's own integration) and 2 mm level."""
     run = ideal_run(3600.0)
-    bounds = epoch_bounds(run.counts.time, 0.05)
+    bounds = epoch_bounds(run.counts.time, NavigationOptions().filter_interval_s)
     epochs = preintegrate(run.counts, run.distance, bounds)
     places, _, attitudes = mechanize(epochs, run.places[0], run.velocities[0], run.attitudes[0])
     true = run.places[bounds]
@@ -66,9 +72,24 @@ def test_length_of_the_epochs_does_not_matter(run):
         places, velocities, attitudes = mechanize(epochs, run.places[0], run.velocities[0], run.attitudes[0])
         ends.append((places[-1] * [6.37e6, 3e6, 1.0], velocities[-1], attitudes[-1]))
     for place, velocity, attitude in ends[1:]:
-        assert np.abs(place - ends[0][0]).max() < 5e-3
-        assert np.abs(velocity - ends[0][1]).max() < 5e-5
+        assert np.abs(place - ends[0][0]).max() < 2e-3  # 1.2 mm of longitude at 4 s
+        assert np.abs(velocity - ends[0][1]).max() < 1e-5
         assert np.abs(attitude - ends[0][2]).max() < 1e-7
+
+
+def test_single_samples_that_are_missing_are_bridged_and_a_late_stamp_loses_nothing(run):
+    """Left out without notice, each of them would cost gravity over its interval, a decimetre per second."""
+    whole, profile = run.counts, Profile.through(run.counts.time, run.distance)
+    keep = np.ones(whole.time.size, bool)
+    keep[[3000, 9000, 9001, 9002, 20000]] = False
+    late = whole.time.copy()
+    late[15000] += 0.008
+    short = replace(whole, time=late[keep], gyro=whole.gyro[keep], accel=whole.accel[keep])
+    a, b = (preintegrate(one, profile, np.array([0, one.time.size - 1])).table[0] for one in (whole, short))
+    assert b[_kernels.GAP] == 0.0
+    turned = matrix_to_rotation_vector(a[:9].reshape(3, 3).T @ b[:9].reshape(3, 3))
+    assert np.degrees(np.linalg.norm(turned)) < 1e-6
+    assert np.abs(b - a)[_kernels.VELOCITY : _kernels.VELOCITY + 3].max() < 1e-6
 
 
 def test_dead_reckoned_travel_of_a_perfect_tool_is_its_path(run, epochs):
@@ -138,6 +159,20 @@ def test_time_run_backwards_leads_back_to_the_start(run, epochs):
     assert np.abs((p[-1] - places[0]) * [6.37e6, 3.1e6, 1.0]).max() < 2e-3
     assert np.abs(-v[-1] - velocities[0]).max() < 2e-5
     assert np.abs(C[-1] - attitudes[0]).max() < 1e-8
+
+
+def test_matrices_led_on_by_the_rotation_vector_stay_rotations_and_equal_the_quaternions():
+    """Porter adjusts his matrix every 32 cycles; at double precision a hundred thousand updates leave nothing to adjust."""
+    turns = 1e-2 * np.random.default_rng(2).standard_normal((100_000, 3))
+    quaternions = rotation.rotation_vector_to_quaternion(turns)
+    C, q = np.eye(3), (1.0, 0.0, 0.0, 0.0)
+    for turn, step in zip(turns, quaternions, strict=True):
+        geometry.turn_right(C, *turn)
+        q = geometry.quaternion_product(*q, *step)
+    assert np.abs(C.T @ C - np.eye(3)).max() < 1e-11
+    for method in rotation.ORTHONORMALISATIONS:
+        assert np.abs(rotation.orthonormalise(C, method) - C).max() < 1e-11
+        assert np.abs(rotation.orthonormalise(C, method) - rotation.quaternion_to_matrix(np.array(q))).max() < 1e-11
 
 
 def test_coning_motion_is_integrated_without_drift():

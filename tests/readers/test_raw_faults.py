@@ -181,13 +181,27 @@ def test_a_sampling_rate_that_the_stamps_deny_is_corrected(raw_run):
 # ---- inertial counts -----------------------------------------------------------------------------------------
 
 
-def test_saturated_counts_are_recorded(raw_run):
+def test_saturated_counts_leave_a_gap_and_are_recorded(raw_run):
     ds = tiny.imu()
     count = ds["gyro_count"].values.copy()
     count[700:705, 1] = 2**15 - 1
     raw = read_raw_folder(raw_run(imu=changed(ds, gyro_count=count)))
-    assert raw.repairs == ("tiny/imu.nc: gyro_count, axis 1: saturated at 32767 pulses in 5 samples, first at t=14.020 s; kept",)
-    np.testing.assert_array_equal(raw.imu["gyro_count"], count)
+    told = (
+        "tiny/imu.nc: gyro_count, axis 1: saturated at 32767 pulses in 5 samples, first at t=14.020 s; these samples are left out"
+    )
+    assert raw.repairs[0] == told
+    assert "gap of 0.12 s at t=14.000 s" in raw.repairs[1]
+    assert raw.imu.sizes["sample"] == 1995
+
+
+def test_single_samples_that_are_missing_are_recorded_and_a_late_stamp_is_none(raw_run):
+    ds = tiny.imu()
+    keep = np.ones(2000, bool)
+    keep[[900, 1300]] = False
+    time = ds["time"].values.copy()
+    time[1600] += 0.012  # stamped late, nothing lost
+    raw = read_raw_folder(raw_run(imu=changed(ds, time=time).isel(sample=keep)))
+    assert raw.repairs == ("tiny/imu.nc: time: single samples are missing at 2 places, first at t=18.000 s; they are bridged",)
 
 
 def test_a_sensor_that_is_saturated_for_long_is_refused(raw_run):

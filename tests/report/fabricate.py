@@ -49,8 +49,10 @@ def write_folder(
             "markers": None if listing else _markers(length_m, rng),
         }
         if not listing:
-            groups["centreline"] = _centreline(chainage, moved[k], k, rng)
+            groups["centreline"] = _centreline(chainage, moved[k], k, rng, caliper)
             groups["caliper"] = _wall(k, rng) if caliper else None
+            groups["navigation"] = _navigation(k)
+        groups["features"] = _features()
         attrs = {
             "id": name,
             "date": f"{2019 + 2 * k}-07-02",
@@ -65,6 +67,8 @@ def write_folder(
         if not listing:
             store.write_dataset(_comparison(chainage, moved, runs, rng, spike), folder / "comparison.nc", "comparison")
         _tables(folder, runs, weld_chainage, zones, dents, listing)
+    if not listing:
+        _doglegs(folder, runs)
     store.write_json(_survey(line, runs, listing), folder / "survey.json")
     return folder
 
@@ -112,7 +116,7 @@ def _shape(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return azimuth, pitch
 
 
-def _centreline(s: np.ndarray, moved: np.ndarray, k: int, rng: np.random.Generator) -> xr.Dataset:
+def _centreline(s: np.ndarray, moved: np.ndarray, k: int, rng: np.random.Generator, caliper: bool) -> xr.Dataset:
     step = s[1] - s[0]
     azimuth, pitch = _shape(s)
     east = np.cumsum(np.sin(np.radians(azimuth)) * np.cos(np.radians(pitch))) * step + moved[0] * np.cos(np.radians(azimuth))
@@ -151,10 +155,10 @@ def _centreline(s: np.ndarray, moved: np.ndarray, k: int, rng: np.random.Generat
         "bending_strain": np.hypot(eh, ev),
         "bending_strain_sigma": sigma * OD / 2,
         "bending_strain_clock": np.degrees(np.arctan2(-eh, -ev)) % 360,
-        "ovality": 0.004 + 0.002 * np.sin(s / 40) + rng.normal(0, 2e-4, s.size),
-        "diameter_min": np.full(s.size, OD - 2 * WALL - 0.001),
-        "diameter_max": np.full(s.size, OD - 2 * WALL + 0.001),
     }
+    if caliper:
+        values["ovality"] = 0.004 + 0.002 * np.sin(s / 40) + rng.normal(0, 2e-4, s.size)
+        values |= {"diameter_min": np.full(s.size, OD - 2 * WALL - 0.001), "diameter_max": np.full(s.size, OD - 2 * WALL + 0.001)}
     ds = build.dataset("centreline", values)
     for name in ("curvature_horizontal", "curvature_vertical"):
         ds[name].attrs["gauge_length_m"] = 2.0
@@ -184,6 +188,53 @@ def _dent_group(k: int) -> xr.Dataset:
             "width": [d[5] for d in here],
             "strain_max": [0.012] * len(here),
         },
+    )
+
+
+def _features() -> xr.Dataset:
+    return build.dataset(
+        "features",
+        {
+            "chainage": [600.0, 1180.0, 2210.0, 2400.0],
+            "chainage_end": [604.0, 1181.5, 2214.0, np.nan],
+            "kind": ["bend", "valve", "bend", "metal_loss"],
+            "clock": [90.0, np.nan, 90.0, 180.0],
+            "value": [8.0, np.nan, 90.0, 0.31],
+            "text": ["cold bend <b>8</b> degree", "valve V01", "5 D, 90 degree to the right", "metal loss"],
+            "label": ["", "V01", "", ""],
+        },
+    )
+
+
+def _navigation(k: int) -> xr.Dataset:
+    """Three epochs of a filter whose drifts settle at (1, 2, 3) hundredths of a degree per hour, plus the number of the run."""
+    settled = 0.01 * np.array([1.0, 2.0, 3.0]) + 0.001 * k
+    return build.dataset(
+        "navigation",
+        {
+            "time": [0.0, 100.0, 200.0],
+            "gyro_bias": np.stack([np.zeros(3), settled / 2, settled]),
+            "gyro_bias_sigma": np.stack([np.full(3, 0.1), np.full(3, 0.02), np.full(3, 0.005)]),
+            "accel_bias": np.full((3, 3), 9.80665e-6 * 20),
+            "accel_bias_sigma": np.full((3, 3), 9.80665e-6 * 5),
+            "odometer_scale": np.full(3, 3e-4),
+            "odometer_scale_sigma": np.full(3, 1e-4),
+            "mounting_azimuth": 0.1,
+            "mounting_azimuth_sigma": 0.01,
+            "alignment_azimuth": 134.95,
+            "alignment_azimuth_sigma": 0.08,
+            "alignment_pitch": 0.5,
+            "alignment_pitch_sigma": 0.004,
+            "alignment_roll": -3.0,
+            "alignment_roll_sigma": 0.004,
+            "kind": ["travel along", "mark up"],
+            "innovation_count": [3000, 6],
+            "innovation_square": [0.97, 1.4],
+            "innovation_outliers": [2, 0],
+        },
+        error_model="full",
+        alignment_method="static",
+        remarks="2 slips repaired, 0.41 m of wheel travel lost in them",
     )
 
 
@@ -278,7 +329,7 @@ def _comparison(
         values |= {f"bending_strain_change_{name}": strain[i], f"bending_strain_change_{name}_sigma": strain_sigma}
     values["stable"] = (np.abs(lateral) < 0.1) & (np.abs(up) < 0.1)
     dates = [f"{2019 + 2 * k}-07-02" for k in range(n)]
-    return build.dataset("comparison", values, reference=runs[0], date=dates)
+    return build.dataset("comparison", values | {"date": dates}, reference=runs[0])
 
 
 def _tables(folder: Path, runs: tuple[str, ...], places: np.ndarray, zones: bool, dents: bool, listing: bool) -> None:
@@ -358,16 +409,42 @@ def _tables(folder: Path, runs: tuple[str, ...], places: np.ndarray, zones: bool
         "remark",
     ]
     store.write_table(pd.DataFrame(trends if zones and dents else [], columns=names), folder / "tables" / "trends.csv", "trends")
-    limits = pd.DataFrame(
-        {
-            "run": [last, last],
-            "quantity": ["bending strain change", "displacement"],
-            "wavelength_m": [60.0, 60.0],
-            "detection_limit": [8e-5, 0.25],
-            "noise_sigma": [2e-5, 0.08],
-        }
-    )
-    limits.to_csv(folder / "tables" / "limits.csv", index=False)
+    pair = {"run_from": runs[0], "run_to": last}
+    floor = {"speed_class": "all speeds"}
+    limits = [
+        pair | floor | {"quantity": "displacement", "component": "lateral", "noise_sigma": 0.0121},
+        pair | floor | {"quantity": "bending strain", "component": "vertical", "noise_sigma": 2.04e-5},
+        *[
+            pair | _limit(wavelength, amplitude, component)
+            for component in ("lateral", "up")
+            for wavelength, amplitude in ((20.0, 0.006), (60.0, 0.031), (200.0, 0.22))
+        ],
+    ]
+    store.write_table(pd.DataFrame(limits), folder / "tables" / "limits.csv", "limits")
+
+
+def _doglegs(folder: Path, runs: tuple[str, ...]) -> None:
+    rows = [
+        {"run": run, "kind": kind, "start_m": at, "end_m": at + 4.0, "angle_horizontal_deg": turn, "angle_vertical_deg": 0.02,
+         "angle_deg": abs(turn), "angle_sigma_deg": 0.013, "clock_deg": 90.0, "radius_m": 30.0, "standardised_percent": 0.54}
+        for run in runs
+        for kind, at, turn in (("bend", 600.0, 8.0), ("bend", 2210.0, 90.0), ("bend", 3050.0, -88.0))
+    ]  # fmt: skip
+    store.write_table(pd.DataFrame(rows), folder / "tables" / "doglegs.csv", "doglegs")
+
+
+def _limit(wavelength: float, amplitude: float, component: str) -> dict:
+    return {
+        "quantity": "displacement",
+        "component": component,
+        "speed_class": "all speeds",
+        "wavelength_m": wavelength,
+        "limit_displacement_m": amplitude,
+        "limit_90_displacement_m": 1.25 * amplitude,
+        "limit_strain_change": 2e-5,
+        "limit_axial_strain": 1e-7,
+        "decided_by": "curvature",
+    }
 
 
 def _zone_table(runs: tuple[str, ...], zones: bool) -> pd.DataFrame:

@@ -2,51 +2,71 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
+import pytest
 
-from deform.synthetic.epochs import joint_lists
+from deform.synthetic.lists import Seen, build_line, cut_out, cut_outs, observe, turned
 
 
 def test_same_seed_gives_the_same_lists_and_another_one_others():
-    first, again, other = joint_lists(200, seed=4), joint_lists(200, seed=4), joint_lists(200, seed=5)
-    assert (first[1].distance == again[1].distance).all()
-    assert first[1].distance.size != other[1].distance.size or (first[1].distance != other[1].distance).any()
+    first, again, other = (observe(np.random.default_rng(s), build_line(np.random.default_rng(s), 200)) for s in (4, 4, 5))
+    assert (first.place == again.place).all()
+    assert first.n != other.n or (first.place != other.place).any()
 
 
-def test_welds_that_stay_keep_their_identity_and_their_joint_lengths():
-    first, second = joint_lists(500, sigma_m=0.0, scale=0.0, scale_wander=0.0, miss=0.0, false=0.0, cutouts=1)
-    both = np.intersect1d(first.identity, second.identity)
-    assert 480 < both.size < 501
-    a = first.distance[np.searchsorted(first.identity, both)]
-    b = np.array([second.distance[second.identity == k][0] for k in both])
-    neighbours = np.diff(both) == 1
-    assert np.allclose(np.diff(a)[neighbours], np.diff(b)[neighbours], atol=1e-9)
+@pytest.mark.parametrize("same_mill", [True, False])
+def test_welds_that_stay_keep_their_identity_their_traits_and_their_places(same_mill):
+    rng = np.random.default_rng(1)
+    old = build_line(rng, 500)
+    new, ends = cut_outs(rng, old, 5, same_mill=same_mill)
+    both, in_old, in_new = np.intersect1d(old.weld, new.weld, return_indices=True)
+    assert 440 < both.size < 500
+    np.testing.assert_allclose(old.place[in_old], new.place[in_new], atol=1e-9)  # every cut-out keeps its length
+    first = np.isin(both, [e[0] for e in ends])  # a new joint begins here
+    assert (old.seam[in_old][~first] == new.seam[in_new][~first]).all()
+    assert (old.seam[in_old][first] != new.seam[in_new][first]).all()
+    assert new.weld.size == np.unique(new.weld).size
+    assert np.diff(new.place).min() > 0.5
+
+
+def test_a_cut_out_has_the_joints_it_was_asked_for_and_may_be_longer():
+    rng = np.random.default_rng(2)
+    old = build_line(rng, 100)
+    new = cut_out(rng, old, 40, 6, 7, longer=9.0)
+    assert new.n == old.n + 1
+    assert new.place[-1] - old.place[-1] == pytest.approx(9.0)
+    assert (new.weld[41:47] > old.weld.max()).all()
 
 
 def test_shares_of_missed_and_false_welds_are_as_asked():
-    lists = joint_lists(20_000, 2, miss=0.03, false=0.02, cutouts=0)
-    for run in lists:
-        assert np.isclose(np.mean(run.identity < 0), 0.02, atol=0.005)
-        assert np.isclose(np.isin(run.present, run.identity).mean(), 0.97, atol=0.006)
+    rng = np.random.default_rng(3)
+    true = build_line(rng, 20_000)
+    seen = observe(rng, true, missed=0.03, false=0.02)
+    assert np.isclose((seen.weld < 0).sum() / true.n, 0.02, atol=0.004)
+    assert np.isclose(np.isin(true.weld, seen.weld).mean(), 0.97, atol=0.006)
 
 
-def test_cut_out_and_re_route_change_the_steel_between_their_ends():
-    first, second = joint_lists(800, 2, cutouts=2, reroutes=1)
-    gone, new = np.setdiff1d(first.present, second.present), np.setdiff1d(second.present, first.present)
-    assert gone.size > 40
-    assert new.min() > first.present.max()
+def test_a_third_of_the_joints_are_equal_within_a_centimetre():
+    joints = np.diff(build_line(np.random.default_rng(4), 20_000).place)
+    assert np.isclose((np.abs(joints - 12.2) <= 0.005).mean(), 0.35, atol=0.02)
 
 
-def test_a_reversed_list_runs_the_other_way():
-    plain, turned = joint_lists(300, 2, cutouts=0, false=0.0, reverse=(1,))
-    assert (np.diff(plain.identity) > 0).all()
-    assert (np.diff(turned.identity) < 0).all()
-    assert (np.diff(turned.distance) > -0.5).all()
+def test_a_list_made_in_the_other_direction_turns_order_and_clocks():
+    rng = np.random.default_rng(5)
+    seen = observe(rng, build_line(rng, 50), missed=0, false=0, traits=Seen(seam_absent=0.0))
+    other = turned(seen)
+    assert (other.weld == seen.weld[::-1]).all()
+    np.testing.assert_allclose(np.diff(other.place), np.diff(seen.place)[::-1])
+    np.testing.assert_allclose(other.seam[:-1], (360.0 - seen.seam[:-1][::-1]) % 360.0)
+    again = turned(other)
+    np.testing.assert_allclose(again.seam[:-1], seen.seam[:-1])
 
 
-def test_a_hundred_thousand_joints_take_a_moment():
-    start = time.perf_counter()
-    assert joint_lists(100_000, 3)[2].distance.size > 90_000
-    assert time.perf_counter() - start < 20.0
+def test_traits_are_seen_with_the_errors_asked_for():
+    rng = np.random.default_rng(6)
+    true = build_line(rng, 20_000)
+    seen = observe(rng, true, missed=0, false=0, traits=Seen(roll=30.0, seam_wrong=0.0))
+    apart = (seen.seam - true.seam - 30.0 + 180.0) % 360.0 - 180.0
+    assert np.isclose(np.isnan(seen.seam).mean(), 0.05, atol=0.01)
+    assert np.isclose(np.nanstd(apart), 5.0, rtol=0.05)
+    assert np.isclose((seen.wall != true.wall).mean(), 0.02 * 2 / 3, atol=0.004)

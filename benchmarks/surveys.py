@@ -1,0 +1,48 @@
+"""Whole surveys of simulated lines, unlike in pipe, tool and history, held against their truth: ``python -m benchmarks.surveys [LINE ...]``."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from deform.survey import run_survey, write_demo
+
+HERE = Path(__file__).resolve().parent
+LINES = HERE / "lines"
+CHECKS = HERE.parents[1] / "shared" / "checks"
+FORMATS = '\nformats = ["html"]\n'
+
+
+def judged(name: str, folder: Path) -> list[dict]:
+    """Simulate a line into a folder, run its survey, return the judge's findings that have a bar or are short."""
+    survey = write_demo(folder, options_file=LINES / f"{name}.toml")
+    survey.write_text(survey.read_text(encoding="utf-8").rstrip() + FORMATS, encoding="utf-8")
+    out = run_survey(survey)
+    command = [sys.executable, "judge.py", str(out), str(folder / "truth"), "--raw", str(folder), "--bars", "bars_demo.toml"]
+    result = subprocess.run([*command, "--json", str(folder / "judged.json")], cwd=CHECKS, capture_output=True, text=True)
+    if result.returncode not in (0, 1):
+        raise RuntimeError(result.stderr)
+    return json.loads((folder / "judged.json").read_text(encoding="utf-8"))["findings"]
+
+
+def main() -> None:
+    if not CHECKS.is_dir():
+        raise ImportError(f"{CHECKS.name} with judge.py beside the checkout is absent")
+    names = sys.argv[1:] or sorted(p.stem for p in LINES.glob("*.toml"))
+    for name in names:
+        with tempfile.TemporaryDirectory() as place:
+            start = time.process_time()
+            findings = judged(name, Path(place))
+        barred = [f for f in findings if f["result"] in ("ok", "SHORT")]
+        short = [f for f in barred if f["result"] == "SHORT" and f["section"] != "reports"]
+        print(f"{name}: {len(barred) - len(short)} of {len(barred)} bars of the demonstration met, {time.process_time() - start:.0f} s")
+        for f in short:
+            print(f"  {f['section']:11s} {f['scope']:18s} {f['metric']:40s} {f['value']!s:22.22s} bar {f['bar']} {f['note']}")
+
+
+if __name__ == "__main__":
+    main()

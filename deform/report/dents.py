@@ -1,0 +1,64 @@
+"""The table of dents in, one entry per dent with its sizes in every run for people out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from deform.report.content import Content, records
+from deform.report.quantities import measure
+from deform.report.trends import headline
+from deform.report.words import NOTHING, sentence
+from deform.units import clock_text
+
+_URGENCY = {"grown": 0, "new": 1, "rerounded": 2}
+
+
+def dent_rows(content: Content) -> list[dict[str, Any]]:
+    """Return one entry per dent with its sizes in every run; grown and new dents first, then by depth."""
+    order = {name: i for i, name in enumerate(content.ids)}
+    trends = dict(list(content.tables["trends"].groupby("subject")))
+    groups: dict[str, list[Any]] = {}
+    for row in sorted(records(content.tables["dents"]), key=lambda r: order.get(r.run, -1)):
+        groups.setdefault(str(row.dent_id), []).append(row)
+    rows = [_entry(dent, group, trends.get(dent), content.outside_diameter) for dent, group in groups.items()]
+    rows.sort(key=lambda r: (_URGENCY.get(r["status"], 3), -(r["depth_value"] if np.isfinite(r["depth_value"]) else -1)))
+    return rows
+
+
+def _entry(dent: str, group: list[Any], trends: pd.DataFrame | None, diameter: float) -> dict[str, Any]:
+    last, epochs = group[-1], [_epoch(row, diameter) for row in group]
+    going_on = "" if trends is None else headline(trends)
+    return epochs[-1] | {
+        "id": dent,
+        "joint": last.joint_id or NOTHING,
+        "chainage": float(last.reference_chainage_m),
+        "place": measure("chainage", last.reference_chainage_m),
+        "clock_deg": last.clock_deg,
+        "depth_value": max((float(row.depth_m) for row in group if np.isfinite(row.depth_m)), default=np.nan),
+        "compared": any(not pd.isna(row.depth_change_m) for row in group),
+        "epochs": epochs,
+        "going_on": going_on,
+        "headline": going_on or sentence(last.reason),
+        "reasons": [f"{row.run}: {row.reason}" for row in group if row.reason],
+    }
+
+
+def _epoch(row: Any, diameter: float) -> dict[str, Any]:
+    known = diameter > 0 and not pd.isna(row.depth_m)
+    return {
+        "run": row.run,
+        "status": str(row.status),
+        "run_chainage": float(row.run_chainage_m),
+        "clock": NOTHING if pd.isna(row.clock_deg) else clock_text(float(row.clock_deg)),
+        "clock_value": np.nan if pd.isna(row.clock_deg) else float(row.clock_deg),
+        "depth": measure("dent depth", row.depth_m, row.depth_sigma_m),
+        "depth_share": measure("dent depth share", row.depth_m / diameter if known else None),
+        "length": measure("dent size", row.length_m),
+        "width": measure("dent size", row.width_m),
+        "strain": measure("dent strain", row.strain_max),
+        "change": measure("dent depth change", row.depth_change_m, row.depth_change_sigma_m),
+        "reason": row.reason,
+    }

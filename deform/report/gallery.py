@@ -1,0 +1,161 @@
+"""Which figure stands in which section: one entry per figure, placed alike in the page and in the PDF.
+
+To add a figure, write it as a function of one dataset in a file ``*_figures.py``, and add one `Plate` to `PLATES` below: the
+section it belongs to, its caption, where its datasets come from, and the function. Nothing else has to be touched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from deform.report import line_figures, trend_figures
+from deform.report.content import Content
+from deform.report.line_view import line_dataset, run_dataset
+from deform.report.trend_view import limit_dataset, trend_dataset
+from deform.report.zones import moved
+
+ZONE_MARGIN_M = 60.0
+_ZONE_COLUMNS = 400
+_MOST_TRENDS = 12
+
+
+@dataclass(frozen=True)
+class Given:
+    """What the datasets of the figures are made from: the folder's content, its zones and dents as rows, and how many to draw."""
+
+    content: Content
+    zones: list[dict]
+    dents: list[dict]
+    most_zones: int = 40
+
+    @cached_property
+    def line(self) -> xr.Dataset:
+        """The whole line, thinned to what a picture shows."""
+        return line_dataset(self.content, self.zones, self.dents)
+
+
+Datasets = Iterable[tuple[str, xr.Dataset]]
+
+
+@dataclass(frozen=True)
+class Plate:
+    """One figure of a section.
+
+    Attributes
+    ----------
+    section : ``line``, ``zone``, ``trend``, ``welds``, ``run`` or ``quality``.
+    caption : below the figure; ``{}`` is the name that comes with the dataset.
+    datasets : gives (name, dataset) for every time that the figure is drawn; the name is the zone, run or subject.
+    figure : function of one dataset.
+    medium : ``both``, or ``print`` where the page has the interactive panel instead.
+    """
+
+    section: str
+    caption: str
+    datasets: Callable[[Given], Datasets]
+    figure: Callable[[xr.Dataset], Figure]
+    medium: str = "both"
+
+
+def _line_with(*names: str) -> Callable[[Given], Datasets]:
+    """Return the line where it holds one of the variables and any finite value of it."""
+
+    def datasets(given: Given) -> Datasets:
+        return [("", given.line)] if any(n in given.line and np.isfinite(given.line[n].values).any() for n in names) else []
+
+    return datasets
+
+
+def _zones_with(*names: str) -> Callable[[Given], Datasets]:
+    def datasets(given: Given) -> Datasets:
+        for zone in moved(given.zones)[: given.most_zones]:
+            window = zone["start"], zone["end"]
+            ds = line_dataset(given.content, [zone], [], window=window, margin=ZONE_MARGIN_M, columns=_ZONE_COLUMNS)
+            if any(name in ds for name in names) and ds.sizes["chainage"] > 1:
+                yield zone["id"], ds
+
+    return datasets
+
+
+def _runs(given: Given) -> Datasets:
+    return [(run, ds) for run in given.content.ids if (ds := run_dataset(given.content, run)) is not None]
+
+
+def _trends(given: Given) -> Datasets:
+    subjects = list(dict.fromkeys(given.content.tables["trends"].subject))[:_MOST_TRENDS]
+    return [(name, ds) for name in subjects if (ds := trend_dataset(given.content, name)) is not None]
+
+
+def _limits(given: Given) -> Datasets:
+    ds = limit_dataset(given.content)
+    return [] if ds is None else [("", ds)]
+
+
+PLATES = (
+    Plate("line", "Plan of the reference run with its zones.", _line_with("along"), line_figures.plan, "print"),
+    Plate(
+        "line",
+        "Height, total bending strain and ovality of every run; the peaks of bends are kept.",
+        _line_with("height"),
+        line_figures.profile_and_strain,
+        "print",
+    ),
+    Plate(
+        "line",
+        "Change against the reference run; grey: within the threshold of none, last run.",
+        _line_with("displacement_lateral", "displacement_up", "bending_strain_change_horizontal"),
+        line_figures.changes,
+        "print",
+    ),
+    Plate(
+        "zone",
+        "Displacement and change of bending strain in {}, bands ± one sigma; the shaded stretch is the zone.",
+        _zones_with("displacement_lateral", "bending_strain_change_horizontal"),
+        line_figures.zone_detail,
+        "print",
+    ),
+    Plate(
+        "zone",
+        "Curvature in {}: reference run, and the other runs minus it.",
+        _zones_with("curvature_vertical", "curvature_horizontal"),
+        line_figures.curvature_comparison,
+    ),
+    Plate("trend", "{}", _trends, trend_figures.trend),
+    Plate(
+        "welds",
+        "Change of joint lengths; grey: within the threshold of none. An axial strain shows here and nowhere else.",
+        _line_with("joint_change"),
+        line_figures.joint_changes,
+        "print",
+    ),
+    Plate("run", "Navigation of {}: plan, profile, pitch, roll, azimuth, speed.", _runs, line_figures.navigation_panel),
+    Plate(
+        "quality", "Least amplitude of a movement that these runs show, by its length.", _limits, trend_figures.detection_limits
+    ),
+)
+
+
+def drawn(given: Given, draw: Callable[[Figure, str], Any], medium: str) -> dict[str, list[dict[str, Any]]]:
+    """Return the figures of every section as (name, caption, picture).
+
+    Parameters
+    ----------
+    given : what there is to draw.
+    draw : makes a picture of (figure, words for those who cannot see it): inline SVG for the page, an image for the PDF.
+    medium : ``page`` or ``print``.
+    """
+    sections: dict[str, list[dict[str, Any]]] = {plate.section: [] for plate in PLATES}
+    for plate in PLATES:
+        if plate.medium not in ("both", medium):
+            continue
+        for name, ds in plate.datasets(given):
+            caption = plate.caption.format(name)
+            sections[plate.section].append({"name": name, "caption": caption, "picture": draw(plate.figure(ds), caption)})
+    return sections

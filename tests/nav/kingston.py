@@ -1,0 +1,83 @@
+"""A recorded drive as a raw run in memory: a car as a very large pig, with the reference beside it."""
+
+from __future__ import annotations
+
+import datetime
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.io import loadmat
+
+from deform.run import build
+from deform.run.raw import Identity, ImuHeader, Launch, OdometerHeader, Pipe, RawRun, RunHeader
+
+GYRO_PULSE, ACCEL_PULSE, PULSE_M = 1e-8, 1e-6, 0.01
+MARK_EVERY_M, MARK_SIGMA_M = 2000.0, 1.0
+END_S = 3470.0  # of what is used: behind it the car backs into its place, and road speed has no sign
+LATE_S = 0.2  # by which the reference lags behind the road speed's stamps
+
+# Figures as a header gives them: those of the HG1700 class, with the random walk seen over the rest before the drive.
+IMU = ImuHeader(
+    rate_hz=10.0,
+    gyro_bias_deg_per_h=1.0,
+    gyro_random_walk_deg_per_sqrt_h=0.125,
+    gyro_scale_ppm=150.0,
+    accel_bias_ug=1000.0,
+    accel_random_walk_ug_per_sqrt_hz=300.0,
+    accel_scale_ppm=300.0,
+)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The raw run, the reference once a second (degree, metre, m/s) and its distance along the road (m)."""
+
+    raw: RawRun
+    time: np.ndarray
+    latitude: np.ndarray
+    longitude: np.ndarray
+    height: np.ndarray
+    azimuth: np.ndarray
+    speed: np.ndarray
+    distance: np.ndarray
+
+
+def drive(folder: Path, marks_every_m: float = MARK_EVERY_M, **imu: float) -> Drive:
+    """Return the drive; marks are reference positions this far apart along the road, further ones end it at both ends."""
+    inertial = loadmat(folder / "f_w_IMSseconds_dt.mat")
+    start = float(inertial["IMU_second"][0, 0])
+    used = inertial["IMU_second"].ravel() - start < END_S
+    rates, forces = (np.stack([inertial[key][0, 0][axis].ravel() for axis in "xyz"], axis=1) for key in ("w", "f"))
+    time = inertial["IMU_second"].ravel()[used] - start
+    counts = [_counts(v[used] * 0.1, pulse) for v, pulse in ((rates, GYRO_PULSE), (forces, ACCEL_PULSE))]
+    group = build.dataset("imu", {"time": time, "gyro_count": counts[0], "accel_count": counts[1]})
+    group = group.assign_attrs(gyro_pulse_rad=GYRO_PULSE, accel_pulse_m_per_s=ACCEL_PULSE)
+    road = loadmat(folder / "CarChip_Speed_interpolated.mat")
+    at = road["CarChip_second_10HZ"].ravel() - start + LATE_S
+    way = np.cumsum(np.clip(road["CarChip_Speed_10HZ"].ravel(), 0.0, None)) * 0.1
+    wheel = build.dataset("odometer", {"time": at, "count": np.floor(way / PULSE_M)[:, None]}).assign_attrs(pulse_m=PULSE_M)
+    pva = {key: value.ravel() for key, value in loadmat(folder / "INSPVA.mat").items() if key.startswith("INS_")}
+    when = pva["INS_second"] - start
+    pva, when = {key: value[when < END_S] for key, value in pva.items()}, when[when < END_S]
+    speed = np.hypot(pva["INS_vn"], pva["INS_ve"])
+    distance = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))])
+    rows = np.unique([2, *np.searchsorted(distance, np.arange(marks_every_m, distance[-1], marks_every_m)), when.size - 2])
+    passages = build.dataset("passages", {
+        "name": [f"M{i}" for i in range(rows.size)], "kind": ["launcher", *["agm"] * (rows.size - 2), "receiver"],
+        "time": when[rows], "latitude": pva["INS_Lat"][rows], "longitude": pva["INS_Long"][rows], "height": pva["INS_Alt"][rows],
+        "sigma_horizontal": np.full(rows.size, MARK_SIGMA_M), "sigma_vertical": np.full(rows.size, MARK_SIGMA_M)})  # fmt: skip
+    header = RunHeader(
+        run=Identity("kingston", "kingston", datetime.date(2008, 6, 23)),
+        pipe=Pipe(1.0, 0.01),
+        launch=Launch(float(pva["INS_Lat"][2]), float(pva["INS_Long"][2]), float(pva["INS_Alt"][2]), 526.0),
+        imu=ImuHeader(**{**IMU.__dict__, **imu}),
+        odometer=OdometerHeader(1, scale_error=0.02),
+    )
+    raw = RawRun(header, group, wheel, passages=passages)
+    return Drive(raw, when, pva["INS_Lat"], pva["INS_Long"], pva["INS_Alt"], pva["INS_Azi"], speed, distance)
+
+
+def _counts(increments: np.ndarray, pulse: float) -> np.ndarray:
+    """Whole pulses, the remainder carried on."""
+    return np.diff(np.rint(np.cumsum(increments, axis=0) / pulse), axis=0, prepend=0.0).astype(np.int64)
