@@ -17,7 +17,9 @@ Floats = NDArray[np.float64]
 STANDARD_GRAVITY = 9.80665
 
 WOBBLE_LENGTHS_M = (3.0, 12.0, 50.0, 200.0, 800.0)  # of the components of the wobble; a corner lies at 2 pi times its length
-WOBBLE_DEG = 0.05  # sigma of each before the data have spoken
+# Sigma of each before the data have spoken: alike up to the length of some joints; beyond it each adds as much to the spectrum of
+# long waves, for nothing in a tool remembers hundreds of metres but its sag and mounting, which are states of their own.
+WOBBLE_DEG = (0.05, 0.05, 0.05, 0.025, 0.0125)
 SHEAR_RAD = 1e-4  # askewness of a triad's axes that makers do not state
 SCALE_WALK = 3e-6  # of the odometer's scale per root metre
 BIAS_CORRELATION_S = 8e4  # an hour then takes a bias away by three tenths of its sigma
@@ -183,7 +185,7 @@ def blocks_of(header: RunHeader, names: Sequence[str]) -> tuple[Block, ...]:
         "scale": (max(header.odometer.scale_error, 1e-4), 0.0, SCALE_WALK),
         "delay": (0.05, 0.0, 0.0),
         "sag": (math.radians(0.1), 0.0, 0.0),
-        "wobble": (math.radians(WOBBLE_DEG), 0.0, 0.0),
+        "wobble": (0.0, 0.0, 0.0),
         "tilt": (1.0, 0.0, 0.0),
         "distance": (0.0, 0.0, 0.0),
         "course": (math.pi, 0.0, 0.0),
@@ -205,8 +207,8 @@ def assemble(name: str, blocks: Sequence[Block], reckoned: bool, header: RunHead
         at[SLOTS[block.name]] = first
         variance[here], tau[here], travel_walk[here] = block.sigma**2, block.correlation_s, block.walk**2
         if block.name == "wobble":
-            reach[here] = np.repeat(WOBBLE_LENGTHS_M, 2)
-        steady[here] = block.sigma**2 * ((tau[here] > 0) | (reach[here] > 0))
+            variance[here], reach[here] = np.repeat(np.radians(WOBBLE_DEG) ** 2, 2), np.repeat(WOBBLE_LENGTHS_M, 2)
+        steady[here] = variance[here] * ((tau[here] > 0) | (reach[here] > 0))
         first += block.size
     known = at[SLOTS["gyro_scale"]] >= 0 and at[SLOTS["gyro_shear"]] >= 0
     turn = 0.0 if known else 3.0 * max(imu.gyro_scale_ppm * 1e-6, SHEAR_RAD)  # radian per root radian

@@ -66,7 +66,7 @@ class Noise:
     @classmethod
     def usual(cls) -> Noise:
         """Noise of a usual tool."""
-        wobble = np.full((WAVES, 2), math.radians(WOBBLE_DEG) ** 2)
+        wobble = np.repeat(np.radians(WOBBLE_DEG)[:, None] ** 2, 2, axis=1)
         return cls(wobble, np.full(2, RIDE_DENSITY), 1.0, np.full(2, BIAS_CORRELATION_S), REST_VARIANCE)
 
 
@@ -193,11 +193,11 @@ def _misfit(x: Floats, parts: list[Problem], usual: Floats, buffers: Buffers) ->
 
 
 def _prior(x: Floats, usual: Floats) -> tuple[float, Floats]:
-    """Minus logarithm of the prior: variances near usual ones, those of the wobble alike at neighbouring lengths."""
+    """Minus logarithm of the prior: variances near usual ones, those of the wobble off alike at neighbouring lengths."""
     spread = np.repeat([WOBBLE_SPREAD, RIDE_SPREAD, ALONG_SPREAD, BIAS_SPREAD, REST_SPREAD], [2 * WAVES, 2, 1, 2, 1])
     off = x - usual
     value, slope = 0.5 * float(np.sum((off / spread) ** 2)), off / spread**2
-    wobble, pull = x[: 2 * WAVES].reshape(WAVES, 2), np.zeros((WAVES, 2))
+    wobble, pull = off[: 2 * WAVES].reshape(WAVES, 2), np.zeros((WAVES, 2))
     for axis in (0, 1):
         step = np.diff(wobble, axis=axis) / SHAPE_SPREAD**2
         value += 0.5 * SHAPE_SPREAD**2 * float(np.sum(step**2))

@@ -13,6 +13,7 @@ from deform.nav.strapdown import Counts
 from deform.run.raw import ImuHeader
 
 GYRO_PULSE, ACCEL_PULSE = 1e-12, 1e-10
+WOBBLE_WAVES_M = (14.0, 23.0, 38.0, 61.0, 100.0, 165.0)
 
 
 @dataclass(frozen=True)
@@ -27,20 +28,29 @@ class Ideal:
 
 
 def ideal_run(duration: float, rate: float = 100.0, latitude: float = 61.0, rest: float = 0.0, substeps: int = 4, gyro_bias=0.0,
-              accel_bias=0.0, seed: int = 0, gyro_walk: float = 0.0, accel_walk: float = 0.0) -> Ideal:  # fmt: skip
-    """Return a run that rolls, climbs and turns along body y after a rest; biases (rad/s, m/s²) are those of all axes."""
+              accel_bias=0.0, seed: int = 0, gyro_walk: float = 0.0, accel_walk: float = 0.0, turn_deg: float = 30.0,
+              wobble_deg: float = 0.0) -> Ideal:  # fmt: skip
+    """Return a run that rolls, climbs and turns along body y after a rest; biases (rad/s, m/s²) are those of all axes.
+
+    ``wobble_deg``: how far the tool's axis sways against the path, right and up, as root mean square over `WOBBLE_WAVES_M`.
+    """
     h = 1.0 / (rate * substeps)
     t = np.arange(round(duration / h) + 1) * h
     s = np.clip(t - rest, 0.0, None)
     start = np.clip(s / 20.0, 0.0, 1.0)
     ease = start**3 * (10 - 15 * start + 6 * start**2)
     speed = ease * (1.3 + 0.2 * np.sin(s / 40.0))
-    azimuth = 100.0 + ease * 30.0 * np.sin(s / 60.0)
+    azimuth = 100.0 + ease * turn_deg * np.sin(s / 60.0)
     pitch = ease * 5.0 * np.sin(s / 35.0)
     roll = 20.0 + ease * 80.0 * np.sin(s / 150.0)
-    C = attitude_to_matrix(azimuth, pitch, roll)
-    v = C[:, :, 1] * speed[:, None]
+    v = attitude_to_matrix(azimuth, pitch, roll)[:, :, 1] * speed[:, None]
     place = _places(v, h, latitude)
+    if wobble_deg:
+        along = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * h)])
+        size = wobble_deg * np.sqrt(2.0 / len(WOBBLE_WAVES_M))
+        azimuth = azimuth + sum(size * np.sin(2.0 * np.pi * along / w) for w in WOBBLE_WAVES_M)
+        pitch = pitch + sum(size * (np.cos(2.0 * np.pi * along / w) - 1.0) for w in WOBBLE_WAVES_M)
+    C = attitude_to_matrix(azimuth, pitch, roll)
     lat_deg, height = np.degrees(place[:, 0]), place[:, 2]
     ie = earth.earth_rate(lat_deg)
     en = earth.transport_rate(lat_deg, height, v[:, 0], v[:, 1])

@@ -25,16 +25,18 @@ from tests.nav.test_strapdown import header
 BIAS, DRIFT = 2e-4, np.radians(0.005) / 3600.0
 
 
-def problem_of(model="full", duration=700.0, seed=0, marks_every=200.0, mark_sigma=0.3):
+def problem_of(model="full", duration=700.0, seed=0, marks_every=200.0, mark_sigma=0.3, gap=None, aids=False, **path):
     run = ideal_run(duration, rate=50.0, rest=200.0, gyro_bias=DRIFT, accel_bias=BIAS, seed=seed,
-                    gyro_walk=np.radians(0.002) / 60.0, accel_walk=1e-4)  # fmt: skip
+                    gyro_walk=np.radians(0.002) / 60.0, accel_walk=1e-4, **path)  # fmt: skip
+    if gap is not None:
+        run = without(run, *gap)
     speed = np.gradient(run.distance, run.counts.time)
     times = np.arange(210.0, duration, marks_every)
     noise = np.random.default_rng(seed + 100)
     bounds = epoch_bounds(run.counts.time, 1.0, times)
     epochs = preintegrate(run.counts, run.distance, bounds)
     travel = travel_aid(epochs, speed, np.full(speed.size, 2e-3), speed < 1e-6, 2e-7)
-    error_model = compose(model, header())
+    error_model = compose(model, header(), joints=aids, straight=aids)
     places = run.places[np.searchsorted(run.counts.time, times)]
     shift = mark_sigma * noise.standard_normal((len(times), 3))
     moved = earth.enu_shift(np.degrees(places[:, 0]), np.degrees(places[:, 1]), places[:, 2], *shift.T)
@@ -46,6 +48,14 @@ def problem_of(model="full", duration=700.0, seed=0, marks_every=200.0, mark_sig
     turn = noise.standard_normal(3) * np.sqrt(variance[6:9])
     state[:3], state[6:15] = run.places[0], (rotation_vector_to_matrix(turn) @ run.attitudes[0]).ravel()
     return run, Problem(epochs, travel, marks, error_model, Start(state, np.diag(variance)))
+
+
+def without(run, begin, end):
+    """The run without the samples between two times."""
+    keep = (run.counts.time < begin) | (run.counts.time > end)
+    counts = replace(run.counts, time=run.counts.time[keep], gyro=run.counts.gyro[keep], accel=run.counts.accel[keep])
+    rest = (getattr(run, name)[keep] for name in ("distance", "places", "velocities", "attitudes"))
+    return type(run)(counts, *rest)
 
 
 def errors(run, problem, states):
