@@ -17,8 +17,8 @@ Floats = NDArray[np.float64]
 STANDARD_GRAVITY = 9.80665
 
 WOBBLE_LENGTHS_M = (3.0, 12.0, 50.0, 200.0, 800.0)  # of the components of the wobble; a corner lies at 2 pi times its length
-# Sigma of each before the data have spoken: alike up to the length of some joints; beyond it falling with the length, so that the
-# spectrum is flat in long waves, for nothing in a tool remembers hundreds of metres but its sag and mounting, states of their own.
+# Sigma of each before the data have spoken: alike up to the length of some joints; beyond it falling with it, so that the
+# spectrum is flat in long waves: nothing in a tool remembers hundreds of metres but its sag and mounting, states of their own.
 WOBBLE_DEG = (0.05, 0.05, 0.05, 0.0125, 0.003)
 SHEAR_RAD = 1e-4  # askewness of a triad's axes that makers do not state
 SCALE_WALK = 3e-6  # of the odometer's scale per root metre

@@ -18,7 +18,7 @@ WOBBLE_DEG = 0.08
 
 @cache
 def learned(gap=None):
-    _, problem = problem_of(duration=1000.0, wobble_deg=WOBBLE_DEG, turn_deg=10.0, gap=gap)
+    _, problem = problem_of(duration=850.0, wobble_deg=WOBBLE_DEG, turn_deg=10.0, gap=gap)
     return noise.learn(problem, run_forward(problem))
 
 
@@ -32,7 +32,7 @@ def rms_deg(problem):
 
 def test_slopes_of_the_likelihood_are_its_finite_differences(monkeypatch):
     monkeypatch.setattr(filter_, "GATE", 0.0)
-    _, problem = problem_of(duration=460.0, wobble_deg=WOBBLE_DEG)
+    _, problem = problem_of(duration=430.0, wobble_deg=WOBBLE_DEG)
     parts = noise.stretches(problem, run_forward(problem))
     buffers = Buffers.of(problem.model.size, max(p.epochs.bounds.size for p in parts))
     usual = noise.Noise.usual().logs
@@ -54,7 +54,7 @@ def test_the_wobble_of_the_tool_is_found():
 
 
 def test_a_gap_does_not_collapse_the_noise():
-    whole, broken = learned(), learned((600.0, 605.0))
+    whole, broken = learned(), learned((550.0, 555.0))
     assert broken.epochs.gap.max() > 4.0
     np.testing.assert_allclose(rms_deg(broken), rms_deg(whole), rtol=0.25)
 
