@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.ndimage import maximum_filter1d
 
 from benchmarks._caliper_line import CaliperLine, caliper_line
 from deform.caliper.measure import measure
@@ -15,6 +16,7 @@ from deform.strain.bending import stated_turn_sigma
 from deform.synthetic import truth
 
 GAUGE_M, STRAIGHT = 2.0, 1e-3
+AWAY_M = 4.0  # from bends: a gauge and a filter's reach
 ANGLE_BAR_DEG, NOISE_BAR = 0.03, 0.5
 RINGS = {"0.7, -0.7 m": (0.7, -0.7), "-0.9, -2.3 m": (-0.9, -2.3)}
 
@@ -50,7 +52,8 @@ def curvature_noise(line: CaliperLine, pose: xr.Dataset) -> dict[str, float]:
     order = np.flatnonzero(np.diff(np.maximum.accumulate(t["chainage"]), prepend=-1.0) > 0)
     grid = np.arange(np.ceil(t["chainage"][order[0]]) + 1.0, t["chainage"][order[-1]] - 1.0, 0.1)
     time = np.interp(grid, t["chainage"][order], t["time"][order])
-    straight = np.hypot(*line.passage.line.curvature(grid)) < STRAIGHT
+    bend = np.hypot(*line.passage.line.curvature(grid))
+    straight = maximum_filter1d(bend, round(2 * AWAY_M / 0.1) + 1) < STRAIGHT
 
     def of(values: np.ndarray) -> np.ndarray:
         return np.interp(time, t["time"], np.unwrap(values, period=360.0))

@@ -223,10 +223,17 @@ def _between_rings(
         pipe = direction - np.stack([np.interp(grid, travel, seen[:, i]) for i in range(2)])
     seen = _without_constants(seen, travel, np.radians(trajectory["roll"].values))
     cells = max(1.0, base * time.size / float(travel[-1] - travel[0]))
-    narrow, wide = (box_average(travel, travel, seen, length) for length in (base, 2.0 * base))
-    mean = (4.0 * narrow - wide) / 3.0  # a mean that leaves parabolas as they are; it has 25 / 18 of a mean's variance
-    sigma = math.radians(float(pose["yaw_sigma"].median())) * math.sqrt(25.0 / 18.0 / cells)
-    return np.where(np.isfinite(mean), mean, seen), sigma
+    smooth = _parabolic_mean(travel, seen, base)
+    noise = math.radians(float(pose["yaw_sigma"].median())) * math.sqrt(25.0 / 18.0 / cells)
+    lost = MAD_TO_SIGMA * float(np.median(np.abs(smooth - _parabolic_mean(travel, smooth, base))))  # of the wobble itself
+    return smooth, math.hypot(noise, lost)
+
+
+def _parabolic_mean(travel: Floats, values: Floats, length: float) -> Floats:
+    """Running mean over some two lengths that leaves parabolas as they are; it has 25 / 18 of the variance of a mean of one."""
+    narrow, wide = (box_average(travel, travel, values, size) for size in (length, 2.0 * length))
+    mean = (4.0 * narrow - wide) / 3.0
+    return np.where(np.isfinite(mean), mean, values)
 
 
 def _bend(lever: float, travel: Floats, grid: Floats, direction: Floats) -> Floats:
