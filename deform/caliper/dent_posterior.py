@@ -73,7 +73,7 @@ def first_guess(
         return None
     rows, columns = np.nonzero(near)
     s, phi, y, w = place[rows], clock[rows, columns], departure[near], 1.0 / sigma[near] ** 2
-    best = (np.inf, None)
+    best: tuple[float, tuple[float, float, float, float] | None] = (np.inf, None)
     for length in (0.1, 0.17, 0.3, 0.5, 0.9, 1.6):
         for width in (0.25, 0.5, 1.0, 1.9):
             if width < 0.8 * spacing:

@@ -244,9 +244,9 @@ def _bend(lever: float, travel: Floats, grid: Floats, direction: Floats) -> Floa
 
 def _without_constants(seen: Floats, travel: Floats, roll: Floats) -> Floats:
     """Take off what is constant in the body and in the level frame."""
-    known = np.isfinite(seen).all(axis=1)
+    known = np.isfinite(seen).all(axis=1, keepdims=True)
     step = np.diff(travel, prepend=travel[0])
-    body, level = _constants(travel, np.where(known[:, None], seen, 0.0) * step[:, None], roll)
+    body, level = _constants(travel, np.where(known, seen, 0.0) * step[:, None], roll)
     right = level[0] - body[0] * np.cos(roll) - body[1] * np.sin(roll)
     up = level[1] + body[0] * np.sin(roll) - body[1] * np.cos(roll)
     return seen - np.stack([right, up], axis=1)
