@@ -1,120 +1,117 @@
-"""Navigation of a long run: time, time per sample, peak memory. `python -m benchmarks.navigation 50` for 50 h at 200 Hz."""
+"""Navigation of long runs at 200 Hz, each in a process of its own: time a sample, peak memory, and python-ins beside it.
+
+``python -m benchmarks.navigation 1 10 50`` for other lengths in hours. The runs are simulated once (4 s of processor an hour)
+and kept in the folder for temporary files, or in the one that DEFORM_BENCH names; DEFORM_PYINS names an interpreter that has
+python-ins when this one has not.
+"""
 
 from __future__ import annotations
 
+import json
+import os
 import resource
+import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
-from pydantic import TypeAdapter
 
-from deform.geometry import earth
-from deform.geometry.rotation import attitude_to_matrix, matrix_to_rotation_vector, rotation_vector_to_matrix
+from benchmarks._long_run import write_long_run
+from deform.nav import solution
 from deform.nav.navigate import navigate
-from deform.run import build
-from deform.run.raw import RawRun, RunHeader
+from deform.readers.reader import read_source
 
-RATE = 200.0
-GYRO_PULSE, ACCEL_PULSE, PULSE = 2.424e-7, 2e-5, 2.5e-3
-REST_S = 600.0
-ORIGIN = (61.0, -121.0, 200.0)
+WARM_H = 0.5
+PEER_SAMPLES = (12_000, 24_000)
 
 
-def motion(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Attitude matrices and speed."""
-    s = np.clip(t - REST_S, 0.0, None)
-    ease = np.clip(s / 20.0, 0.0, 1.0)
-    ease = ease**3 * (10 - 15 * ease + 6 * ease**2)
-    azimuth, pitch, roll = (
-        100.0 + 25.0 * ease * np.sin(s / 90.0),
-        4.0 * ease * np.sin(s / 70.0),
-        20.0 + ease * 70.0 * np.sin(s / 400.0),
-    )
-    return attitude_to_matrix(azimuth, pitch, roll), ease * (1.2 + 0.1 * np.sin(s / 60.0))
+def folder() -> Path:
+    return Path(os.environ.get("DEFORM_BENCH", Path(tempfile.gettempdir()) / "deform-long-runs"))
 
 
-def long_run(hours: float) -> RawRun:
-    """A run of white noise and true motion, made hour by hour."""
-    n = int(hours * 3600 * RATE)
-    gyro, accel = np.zeros((n, 3), np.int32), np.zeros((n, 3), np.int32)
-    distance, place = np.zeros(n), np.array([np.radians(ORIGIN[0]), np.radians(ORIGIN[1]), ORIGIN[2]])
-    track, random, step = [], np.random.default_rng(1), int(3600 * RATE)
-    for first in range(0, n, step):
-        k = np.arange(first, min(first + step, n) + 1)
-        C, speed = motion(k / RATE)
-        v = C[:, :, 1] * speed[:, None]
-        mean = 0.5 * (v[1:] + v[:-1]) / RATE
-        meridian, normal = earth.radii(np.degrees(place[0]))
-        latitude = place[0] + np.cumsum(mean[:, 1]) / (meridian + place[2])
-        longitude = place[1] + np.cumsum(mean[:, 0]) / ((normal + place[2]) * np.cos(latitude))
-        height = place[2] + np.cumsum(mean[:, 2])
-        rate = earth.earth_rate(np.degrees(latitude)) + earth.transport_rate(np.degrees(latitude), height, v[1:, 0], v[1:, 1])
-        angle = matrix_to_rotation_vector(C[:-1].transpose(0, 2, 1) @ (rotation_vector_to_matrix(rate / RATE) @ C[1:]))
-        force = np.diff(v, axis=0) + np.cross(rate + earth.earth_rate(np.degrees(latitude)), v[1:]) / RATE
-        force[:, 2] += earth.gravity(np.degrees(latitude), height) / RATE
-        push = 0.5 * np.einsum("nji,nj->ni", C[1:] + C[:-1], force)
-        angle += np.radians(0.002) / 60 / np.sqrt(RATE) * random.standard_normal(angle.shape) + np.radians(0.005) / 3600 / RATE
-        push += 1e-4 / np.sqrt(RATE) * random.standard_normal(push.shape)
-        here = slice(first, first + len(angle))
-        gyro[here] = np.diff(np.rint(np.cumsum(angle, axis=0) / GYRO_PULSE), axis=0, prepend=0.0)
-        accel[here] = np.diff(np.rint(np.cumsum(push, axis=0) / ACCEL_PULSE), axis=0, prepend=0.0)
-        start = distance[first - 1] if first else 0.0
-        distance[here] = start + np.cumsum(0.5 * (speed[1:] + speed[:-1])) / RATE
-        place = np.array([latitude[-1], longitude[-1], height[-1]])
-        track.append(np.column_stack([latitude, longitude, height])[:: int(RATE)])
-    when = np.arange(1, n + 1) / RATE
-    return _raw(when, gyro, accel, distance, np.concatenate(track), random)
+def clocks() -> np.ndarray:
+    return np.array([time.perf_counter(), time.process_time()])
 
 
-def _raw(when, gyro, accel, distance, track, random) -> RawRun:
-    header = TypeAdapter(RunHeader).validate_python(
-        {
-            "run": {"id": "long", "line": "long", "date": "2020-01-01"},
-            "pipe": {"outside_diameter_m": 0.6096, "nominal_wall_m": 0.009},
-            "launch": {"latitude_deg": ORIGIN[0], "longitude_deg": ORIGIN[1], "height_m": ORIGIN[2], "static_s": REST_S},
-            "imu": {"rate_hz": RATE},
-            "odometer": {"wheels": 3},
-        }
-    )
-    imu = build.dataset("imu", {"time": when, "gyro_count": gyro, "accel_count": accel}).assign_attrs(
-        gyro_pulse_rad=GYRO_PULSE, accel_pulse_m_per_s=ACCEL_PULSE
-    )
-    every = int(RATE / 50)
-    wheels = np.floor(distance[::every, None] * np.array([1.001, 0.999, 1.0]) / PULSE).astype(np.int64)
-    wheel_set = build.dataset("odometer", {"time": when[::every], "count": wheels}).assign_attrs(pulse_m=PULSE)
-    at = np.searchsorted(distance, np.arange(0.0, distance[-1], 2000.0)[1:])
-    seconds = np.clip(at // int(RATE), 0, len(track) - 1)
-    noise = random.standard_normal((len(at), 3)) * 0.3
-    points = track[seconds]
-    values = {
-        "name": [f"M{i}" for i in range(len(at))],
-        "kind": ["agm"] * len(at),
-        "time": when[seconds * int(RATE)],
-        "latitude": np.degrees(points[:, 0]) + noise[:, 0] / 111e3,
-        "longitude": np.degrees(points[:, 1]) + noise[:, 1] / 54e3,
-        "height": points[:, 2] + noise[:, 2],
-        "sigma_horizontal": np.full(len(at), 0.3),
-        "sigma_vertical": np.full(len(at), 0.3),
-    }
-    return RawRun(header, imu, wheel_set, None, None, build.dataset("passages", values))
+def measure(hours: float) -> dict[str, float]:
+    """Read and navigate one run, warm; wall and processor seconds, samples and peak memory of this process."""
+    navigate(read_source(folder() / f"long-{WARM_H:g}"))  # compiles
+    learning = np.zeros(2)
+    learn = solution.learn
 
+    def timed(problem):
+        start = clocks()
+        found = learn(problem)
+        learning[:] += clocks() - start
+        return found
 
-def main(hours: float = 2.0) -> None:
-    navigate(long_run(0.5))  # compiles
-    raw = long_run(hours)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    start, busy = time.perf_counter(), time.process_time()
+    solution.learn = timed
+    start = clocks()
+    raw = read_source(folder() / f"long-{hours:g}")
+    read = clocks() - start
+    start = clocks()
     found = navigate(raw)
-    seconds, work = time.perf_counter() - start, time.process_time() - busy
-    n = raw.imu.sizes["sample"]
-    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    sigma = float(np.hypot(found.trajectory["east_sigma"], found.trajectory["north_sigma"]).mean())
-    print(
-        f"{hours:g} h, {n / 1e6:.1f} M samples: {seconds:.1f} s, {work:.1f} s of processor, {seconds / n * 1e6:.2f} µs a sample"
+    took = clocks() - start
+    error = float(np.hypot(found.trajectory["east_sigma"], found.trajectory["north_sigma"]).mean())
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    return {"hours": hours, "samples": raw.imu.sizes["sample"], "read_s": read[1], "wall_s": took[0], "work_s": took[1],
+            "learn_s": learning[1], "peak_gb": peak, "sigma_m": error}  # fmt: skip
+
+
+def in_own_process(hours: float) -> dict[str, float]:
+    command = [sys.executable, "-m", "benchmarks.navigation", "--one", f"{hours:g}"]
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1])
+
+
+def peer() -> list[tuple[int, float]]:
+    """Samples and processor seconds of python-ins over the first stretch in motion; nothing where it is not installed."""
+    raw = read_source(folder() / f"long-{WARM_H:g}")
+    time_, imu = raw.imu["time"].values, raw.imu
+    first = int(np.searchsorted(time_, raw.header.launch.static_s + 10.0))
+    most = min(max(PEER_SAMPLES), time_.size - first - 1)
+    here = slice(first + 1, first + 1 + most)
+    forward_right_down = [1, 0, 2], np.array([1.0, 1.0, -1.0])
+    turn, push = (
+        imu[name].values[here][:, forward_right_down[0]] * forward_right_down[1] * imu.attrs[pulse]
+        for name, pulse in (("gyro_count", "gyro_pulse_rad"), ("accel_count", "accel_pulse_m_per_s"))
     )
-    print(f"peak {after / 2**20:.2f} GB ({before / 2**20:.2f} GB before), mean horizontal sigma {sigma:.2f} m")
+    found = navigate(raw).trajectory
+    names = ("latitude", "longitude", "height", "velocity_north", "velocity_east", "velocity_up", "roll", "pitch", "azimuth")
+    start = np.array([np.interp(time_[first], found["time"], found[name]) for name in names])
+    start[5] *= -1.0
+    speed = np.interp(time_[first : first + most + 1], found["time"], found["speed"])
+    path = folder() / "stretch.npz"
+    np.savez(path, time=time_[first : first + most + 1], turn=turn, push=push, start=start, speed=speed)
+    command = [os.environ.get("DEFORM_PYINS", sys.executable), str(Path(__file__).with_name("_pyins_peer.py")), str(path)]
+    done = subprocess.run([*command, *map(str, PEER_SAMPLES)], capture_output=True, text=True)
+    if done.returncode:
+        print(f"python-ins not measured: {done.stderr.strip().splitlines()[-1]}")
+        return []
+    return [(int(n), float(s)) for n, s in (line.split() for line in done.stdout.splitlines())]
+
+
+def main(lengths: tuple[float, ...] = (1.0, 4.0)) -> None:
+    """Print a row per length, the time of a further sample, and the ratio to python-ins."""
+    for hours in (WARM_H, *lengths):
+        write_long_run(folder(), hours)
+    print("   h  samples  read   navigation: wall, processor, of which learning the noise   µs a sample without learning   peak")
+    rows = [in_own_process(hours) for hours in lengths]
+    for r in rows:
+        each = (r["work_s"] - r["learn_s"]) / r["samples"] * 1e6
+        print(f"{r['hours']:4g} {r['samples'] / 1e6:6.2f} M {r['read_s']:5.1f} s {r['wall_s']:12.1f} s {r['work_s']:8.1f} s "
+              f"{r['learn_s']:10.1f} s {each:38.3f} {r['peak_gb']:17.2f} GB", flush=True)  # fmt: skip
+    print("bars: 50 h within 60 s and 4 GB; a sample's time equal within 10 % at all lengths")
+    longest = rows[-1]
+    ours = longest["work_s"] / longest["samples"]
+    for count, took in peer():
+        print(f"python-ins, integration and filter without smoother: {took / count * 1e6:.1f} µs a sample over {count} samples, "
+              f"{took / count / ours:.0f} times ours with everything (bar 50)")  # fmt: skip
 
 
 if __name__ == "__main__":
-    main(float(sys.argv[1]) if len(sys.argv) > 1 else 2.0)
+    if sys.argv[1:2] == ["--one"]:
+        print(json.dumps(measure(float(sys.argv[2]))))
+    else:
+        main(*([tuple(float(h) for h in sys.argv[1:])] if sys.argv[1:] else []))

@@ -156,12 +156,12 @@ def limited_slopes(distance, step):
 
 
 @njit(cache=True, error_model="numpy")
-def smooth_chain(seen, variance, rows, F, Q, P0, wanted, value, spread, odd):
+def smooth_chain(seen, variance, rows, push, F, Q, Q_push, P0, wanted, value, spread, odd):
     """Fixed-interval smoothing of a chain of states: Kalman filter forward, Rauch-Tung-Striebel back.
 
-    ``seen`` (n, q) are measurements ``rows`` (q, m) times the state with ``variance`` (q,), NaN where there is none. Fills
-    ``value`` and ``spread`` (standard deviation) of state ``wanted``. A measurement beyond five sigma loses weight until it is
-    at five (Huber); ``odd`` counts them.
+    ``seen`` (n, q) are measurements ``rows`` (q, m) times the state with ``variance`` (q,), NaN where there is none; ``push``
+    (n,) scales ``Q_push`` beside the constant ``Q``. Fills ``value`` and ``spread`` (standard deviation) of state ``wanted``. A
+    measurement beyond five sigma loses weight until it is at five (Huber); ``odd`` counts them.
     """
     n, m = seen.shape[0], F.shape[0]
     x_f, P_f = np.empty((n, m)), np.empty((n, m, m))
@@ -177,7 +177,7 @@ def smooth_chain(seen, variance, rows, F, Q, P0, wanted, value, spread, odd):
             P = _congruent(F, P)
             for i in range(m):
                 for j in range(m):
-                    P[i, j] += Q[i, j]
+                    P[i, j] += Q[i, j] + push[k] * Q_push[i, j]
         x_p[k], P_p[k] = x, P
         for r in range(seen.shape[1]):
             if np.isfinite(seen[k, r]):

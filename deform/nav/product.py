@@ -131,6 +131,8 @@ def diagnostics_dataset(solution: Solution, aligned: Alignment, checks: Checks) 
     for name, *angle in zip(("azimuth", "pitch", "roll"), aligned.angles, aligned.angle_sigma, strict=True):
         values |= _with_sigma(f"alignment_{name}", *angle)
     values |= _innovations(solution)
+    news = np.concatenate([np.full((1, 3), np.nan), solution.filtered.news])  # of the epoch that ends at each time
+    values |= {f"innovation_{axis}": news[keep, i] for i, axis in enumerate(("along", "right", "up"))}
     second, backward = checks.second, checks.backward
     for i, axis in enumerate(("east", "north", "up")):
         values |= _with_sigma(f"reckoning_{axis}", second.difference[keep, i], second.sigma[keep, i])

@@ -78,33 +78,49 @@ class WobbleModel:
         drift = _drift_spectrum(frequency, self.path_drive, self.tilt_drive)
         return _ride_spectrum(frequency, self.shift_variance, self.ride, node) + drift
 
-    def discrete(self, node: float, shift_sigma: float, shift_order: int) -> tuple[Floats, Floats, Floats]:
-        """Transition, noise, first covariance of [integral of the wobble, wobble and its poles, shift and its].
+    def discrete(self, node: float, shift_sigma: float, shift_order: int) -> tuple[Floats, Floats, Floats, Floats]:
+        """Transition, noise, noise of the path, first covariance of [integral, wobble and its poles, path error, shift and its].
 
         Notes
         -----
-        ``shift_sigma`` (m) is the tool's slow shift in the pipe. Unseen it has the shape of the wobble, for both come from how
-        the tool rides on its cups, and ``shift_order`` is that of the wobble; seen by a ring of arms it may have short waves of
-        its own, and 1 lets them through.
+        The navigation's path already weighs the accelerometers against the wobble: its error at long waves is what
+        S_w S_n / (S_w + S_n) leaves, an Ornstein-Uhlenbeck process of that power here, and the wobble enters with its short waves
+        only (poles at half the rate, same fall), lest it be counted twice. ``shift_sigma`` (m) is the tool's slow shift in the
+        pipe. Unseen it has the shape of the wobble, for both come from how the tool rides on its cups, and ``shift_order`` is
+        that of the wobble; seen by a ring of arms it may have short waves of its own, and 1 lets them through. Its long waves are
+        then left free: the navigation has used the arms for them already.
         """
         p = self.order
-        m = p + 1 + shift_order
-        A, L = np.zeros((m, m)), np.zeros((m, m))
-        A[0, 1] = 1.0
+        m = p + 2 + shift_order
+        A, L, push = np.zeros((m, m)), np.zeros((m, m)), np.zeros((m, m))
+        A[0, 1] = A[0, p + 1] = 1.0
         L[0, 0] = self.ride
-        _chain(A, 1, p, self.rate)
-        L[p, p] = self.drive
+        slow = 0.5 * self.rate
+        _chain(A, 1, p, slow)
+        L[p, p] = self.drive * (self.rate / slow) ** (2 * p - 2)
+        error, length = self.path_error()
+        A[p + 1, p + 1] = -1.0 / length
+        push[p + 1, p + 1] = 2.0 * error**2 / length
         rate = self.rate
         if shift_order == 1:
             rate, shift_sigma = 0.1 * self.rate, shift_sigma * math.sqrt(5.0)  # fall of a pole at half the rate
-        _chain(A, p + 1, shift_order, rate)
-        unit = solve_continuous_lyapunov(A[p + 1 :, p + 1 :], -_corner(shift_order))[0, 0]
+        _chain(A, p + 2, shift_order, rate)
+        unit = solve_continuous_lyapunov(A[p + 2 :, p + 2 :], -_corner(shift_order))[0, 0]
         L[m - 1, m - 1] = shift_sigma**2 / unit
         F, Q = _van_loan(A, L, node)
         P0 = np.zeros((m, m))
-        P0[1:, 1:] = solve_continuous_lyapunov(A[1:, 1:], -L[1:, 1:])
+        P0[1:, 1:] = solve_continuous_lyapunov(A[1:, 1:], -(L + push)[1:, 1:])
         P0[0, 0] = 100.0 * self.shift_variance
-        return F, Q, P0
+        return F, Q, _van_loan(A, push, node)[1], P0
+
+    def path_error(self) -> tuple[float, float]:
+        """Sigma (rad) and length (m) of the error of the path's direction in long waves."""
+        frequency = np.geomspace(1e-5, 1.0, 4000)
+        wobble = self.wobble_spectrum(frequency)
+        drift = _drift_spectrum(frequency, self.path_drive, self.tilt_drive)
+        left = wobble * drift / (wobble + drift)
+        error = math.sqrt(max(float(np.trapezoid(left, frequency)), 1e-16))
+        return error, float(np.clip(left[0] / (4.0 * error**2), 2.0, 500.0))
 
     def left_spectrum(self, frequency: Floats, node: float, shift_sigma: float, ring_sigma: float) -> Floats:
         """One-sided spectrum of the error that the smoother leaves in the direction (rad² m): S_w S_n / (S_w + S_n).
@@ -129,11 +145,13 @@ def fit_wobble(total: Floats, node: float, speed: float, imu: ImuHeader) -> Wobb
 
     Notes
     -----
+    The navigation that made the path knows of the wobble too: of waves in which the accelerometers drift by more than the tool
+    wobbles it shows the share S_w / (S_w + S_drift) only, and the model is compared with what is shown.
     Averaged periodograms in bands of equal ratio, compared by their logarithms: wobble of 1 to 4 equal poles, plus the shift of
     the tool as white noise and as random walk of the path. The number of poles with the least misfit is taken.
     """
     path = max(imu.accel_random_walk_ug_per_sqrt_hz * 1e-6 * _STANDARD_GRAVITY, 1e-7) ** 2 / max(speed, 0.05) ** 3
-    turn = (math.radians(imu.gyro_random_walk_deg_per_sqrt_h) / 60.0) ** 2 / max(speed, 0.05)
+    turn = gyro_walk(imu, speed)
     tilt = turn * _STANDARD_GRAVITY**2 / max(speed, 0.05) ** 4
     sigma, length, shift = _DEFAULT
     fallback = WobbleModel(2.0 * sigma**2 / length, 1.0 / length, 1, shift**2, 0.0, path, tilt, turn)
@@ -147,6 +165,11 @@ def fit_wobble(total: Floats, node: float, speed: float, imu: ImuHeader) -> Wobb
             if misfit < least:
                 best, least = model, misfit
     return best
+
+
+def gyro_walk(imu: ImuHeader, speed: float) -> float:
+    """Random walk of the gyros per metre at a speed (rad²/m)."""
+    return (math.radians(imu.gyro_random_walk_deg_per_sqrt_h) / 60.0) ** 2 / max(speed, 0.05)
 
 
 def turn_sigma(
@@ -207,7 +230,8 @@ def _fit_order(
 
     def misfit(x):
         model = model_of(x)
-        seen = model.wobble_spectrum(frequency) + _ride_spectrum(frequency, model.shift_variance, model.ride, node)
+        wobble, drift = model.wobble_spectrum(frequency), _drift_spectrum(frequency, model.path_drive, model.tilt_drive)
+        seen = wobble**2 / (wobble + drift) + _ride_spectrum(frequency, model.shift_variance, model.ride, node)
         return np.sqrt(weight) * np.log(seen / power)
 
     low, high = np.log([1e-16, 1e-3, 1e-15, 1e-16]), np.log([1.0, 2.0 * order, 1.0, 1.0])
@@ -226,7 +250,7 @@ def _spectrum(total: Floats, node: float) -> tuple[Floats, Floats, Floats]:
     pieces = max(1.0, slope.size / size)
     edges = np.geomspace(frequency[1] * 0.9, 0.5 / node * 1.001, 28)
     band = np.digitize(frequency, edges)
-    rows = [(np.exp(np.log(frequency[b]).mean()), max(power[b].mean(), 1e-30), b.sum() * pieces)
+    rows = [(np.exp(np.log(frequency[b]).mean()), np.exp(np.log(np.maximum(power[b], 1e-30)).mean()), b.sum() * pieces)
             for b in (np.flatnonzero(band == i) for i in range(1, edges.size)) if b.size]  # fmt: skip
     table = np.array(rows)
     return table[:, 0], table[:, 1], np.minimum(table[:, 2], _MOST_WEIGHT)

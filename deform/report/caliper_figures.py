@@ -166,7 +166,7 @@ def joint_lengths(welds: xr.Dataset, nominal_joint: float | None = None) -> Figu
         ax = figure.subplots()
         if length.size:
             step = 0.1 if np.ptp(length) < 30 else float(np.ptp(length) / 300)
-            ax.hist(length, np.arange(0.0, length.max() + 2 * step, step), color=EPOCHS[0])
+            count, *_ = ax.hist(length, np.arange(0.0, length.max() + 2 * step, step).tolist(), color=EPOCHS[0])
             words = f"{length.size} joints, median {np.median(length):.2f} m"
             if nominal_joint:
                 words += f", {int((length < _PUP_SHARE * nominal_joint).sum())} pups"
@@ -174,7 +174,7 @@ def joint_lengths(welds: xr.Dataset, nominal_joint: float | None = None) -> Figu
                 words += f"; a length is sure to {np.nanmedian(sigma) * 1e3:.0f} mm (1 σ)"
             ax.set_title(words)
         ax.set_yscale("symlog", linthresh=10)
-        top = max((float(p.get_height()) for p in ax.patches), default=1.0)
+        top = float(np.max(count)) if length.size else 1.0
         ticks = [t for t in (0, 2, 5, 10, 30, 100, 300, 1000, 3000, 10000) if t <= 2 * top]
         ax.set_yticks(ticks, [str(t) for t in ticks])
         ax.set_ylim(0, 1.3 * top)

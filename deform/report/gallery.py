@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from deform.report import line_figures, trend_figures
+from deform.report import line_figures, navigation_figures, trend_figures
 from deform.report.content import Content
 from deform.report.line_view import line_dataset, run_dataset
 from deform.report.trend_view import limit_dataset, trend_dataset
@@ -88,6 +88,18 @@ def _runs(given: Given) -> Datasets:
     return [(run, ds) for run in given.content.ids if (ds := run_dataset(given.content, run)) is not None]
 
 
+def _group_with(group: str, *names: str) -> Callable[[Given], Datasets]:
+    """Return a group of every run that holds it with these variables."""
+
+    def datasets(given: Given) -> Datasets:
+        for run in given.content.ids:
+            ds = given.content.group(run, group)
+            if ds is not None and all(name in ds and ds[name].size for name in names):
+                yield run, ds
+
+    return datasets
+
+
 def _trends(given: Given) -> Datasets:
     subjects = list(dict.fromkeys(given.content.tables["trends"].subject))[:_MOST_TRENDS]
     return [(name, ds) for name in subjects if (ds := trend_dataset(given.content, name)) is not None]
@@ -136,6 +148,26 @@ PLATES = (
         "print",
     ),
     Plate("run", "Navigation of {}: plan, profile, pitch, roll, azimuth, speed.", _runs, line_figures.navigation_panel),
+    Plate(
+        "run",
+        "Residuals of {} at its markers: hollow, the trajectory without the marker minus the marker; filled, the final one.",
+        _group_with("markers", "misclosure_east_before", "used"),
+        navigation_figures.mark_residuals,
+    ),
+    Plate(
+        "run",
+        "Innovations of {} over their sigmas; where sigmas are honest, 95 % lie in the grey band.",
+        _group_with("navigation", "innovation_along"),
+        navigation_figures.innovations,
+        "print",
+    ),
+    Plate(
+        "run",
+        "Sensor biases and odometer scale of {}, bands ± one sigma.",
+        _group_with("navigation", "gyro_bias", "accel_bias"),
+        navigation_figures.biases,
+        "print",
+    ),
     Plate(
         "quality", "Least amplitude of a movement that these runs show, by its length.", _limits, trend_figures.detection_limits
     ),

@@ -9,12 +9,16 @@ from pathlib import Path
 import numpy as np
 from scipy.io import loadmat
 
+from deform.geometry.earth import enu_difference
+from deform.nav.navigate import Navigation
 from deform.run import build
 from deform.run.raw import Identity, ImuHeader, Launch, OdometerHeader, Pipe, RawRun, RunHeader
 
 GYRO_PULSE, ACCEL_PULSE, PULSE_M = 1e-8, 1e-6, 0.01
 MARK_EVERY_M, MARK_SIGMA_M = 2000.0, 1.0
 END_S = 3470.0  # of what is used: behind it the car backs into its place, and road speed has no sign
+REST_S, SETTLED_S = 525.0, 1000.0  # end of the standing start; from where the reference's heading has settled
+STEP_M = 10.0  # along the road, at which the path is held against the reference
 LATE_S = 0.2  # by which the reference lags behind the road speed's stamps
 
 # Figures as a header gives them: those of the HG1700 class, with the random walk seen over the rest before the drive.
@@ -31,7 +35,7 @@ IMU = ImuHeader(
 
 @dataclass(frozen=True)
 class Drive:
-    """The raw run, the reference once a second (degree, metre, m/s) and its distance along the road (m)."""
+    """The raw run, the reference once a second (degree, metre, m/s), distance along the road and sigma of its fixes (m)."""
 
     raw: RawRun
     time: np.ndarray
@@ -41,6 +45,7 @@ class Drive:
     azimuth: np.ndarray
     speed: np.ndarray
     distance: np.ndarray
+    fix_sigma: np.ndarray
 
 
 def drive(folder: Path, marks_every_m: float = MARK_EVERY_M, **imu: float) -> Drive:
@@ -75,7 +80,49 @@ def drive(folder: Path, marks_every_m: float = MARK_EVERY_M, **imu: float) -> Dr
         odometer=OdometerHeader(1, scale_error=0.02),
     )
     raw = RawRun(header, group, wheel, passages=passages)
-    return Drive(raw, when, pva["INS_Lat"], pva["INS_Long"], pva["INS_Alt"], pva["INS_Azi"], speed, distance)
+    fix = loadmat(folder / "BESTGPSPOS.mat")
+    at = fix["BGP_second"].ravel() - start
+    sigma = np.column_stack([np.interp(when, at, fix[f"BGP_{axis}_std"].ravel()) for axis in ("Long", "Lat", "Alt")])
+    return Drive(raw, when, pva["INS_Lat"], pva["INS_Long"], pva["INS_Alt"], pva["INS_Azi"], speed, distance, sigma)
+
+
+def wrapped(angle):
+    return (np.asarray(angle) + 180.0) % 360.0 - 180.0
+
+
+def at_reference(found: Navigation, run: Drive, name: str) -> np.ndarray:
+    """A variable of the trajectory at the times of the reference."""
+    return np.interp(run.time, found.trajectory["time"].values, found.trajectory[name].values)
+
+
+def errors(found: Navigation, run: Drive) -> tuple[np.ndarray, np.ndarray]:
+    """East, north, up of trajectory minus reference and the stated sigma (m), every 10 m of the road."""
+    rows = _rows(run)
+    place = [at_reference(found, run, name) for name in ("latitude", "longitude", "height")]
+    off = np.column_stack(enu_difference(*place, run.latitude, run.longitude, run.height))
+    sigma = np.column_stack([at_reference(found, run, f"{axis}_sigma") for axis in ("east", "north", "up")])
+    return off[rows], sigma[rows]
+
+
+def heading_at_rest(run: Drive) -> tuple[float, float, float]:
+    """Heading at rest by the reference as it stands there, and by its later drive led back by the gyros; its scatter."""
+    imu = run.raw.imu
+    when, rate = imu["time"].values, imu["gyro_count"].values[:, 2] * imu.attrs["gyro_pulse_rad"]
+    rest = when < REST_S
+    turned = -np.degrees(np.cumsum(rate - rate[rest].mean()))  # the mean of the rest holds earth's turn and bias
+    turned -= turned[rest].mean()
+    back = wrapped(run.azimuth - np.interp(run.time, when, turned))
+    settled = (run.time > SETTLED_S) & (run.speed > 2.0)
+    return float(np.median(run.azimuth[run.time < REST_S])), float(np.median(back[settled])) % 360.0, float(back[settled].std())
+
+
+def reference_sigma(run: Drive) -> np.ndarray:
+    """Sigma the receiver states for its own fixes, east, north, up (m), at the places of `errors`."""
+    return run.fix_sigma[_rows(run)]
+
+
+def _rows(run: Drive) -> np.ndarray:
+    return np.searchsorted(run.distance, np.arange(0.0, run.distance[-1], STEP_M))
 
 
 def _counts(increments: np.ndarray, pulse: float) -> np.ndarray:
