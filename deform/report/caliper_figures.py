@@ -70,7 +70,7 @@ def unrolled_wall(wall: xr.Dataset, start: float, stop: float, marks: dict[str, 
         ax.set_yticks(np.arange(0, 361, 90), [*_HOURS, "12:00"])
         ax.set_title("Wall, radius against the mean radius there")
         figure.colorbar(picture, ax=ax, label="radius (mm), + = outward", pad=0.01)
-        if marks:
+        if ax.get_legend_handles_labels()[0]:
             ax.legend(loc="upper right", fontsize=7, frameon=True)
     return figure
 
@@ -163,10 +163,12 @@ def joint_lengths(welds: xr.Dataset, nominal_joint: float | None = None) -> Figu
     length = length[np.isfinite(length)]
     with rc_context(MATPLOTLIB):
         figure = Figure(figsize=(6.4, 2.8))
-        ax = figure.subplots()
+        ax, counts = figure.subplots(), np.empty(0, int)
         if length.size:
             step = 0.1 if np.ptp(length) < 30 else float(np.ptp(length) / 300)
-            ax.hist(length, np.arange(0.0, length.max() + 2 * step, step), color=EPOCHS[0])
+            edges = np.arange(0.0, length.max() + 2 * step, step)
+            counts = np.histogram(length, edges)[0]
+            ax.stairs(counts, edges, fill=True, color=EPOCHS[0])
             words = f"{length.size} joints, median {np.median(length):.2f} m"
             if nominal_joint:
                 words += f", {int((length < _PUP_SHARE * nominal_joint).sum())} pups"
@@ -174,7 +176,7 @@ def joint_lengths(welds: xr.Dataset, nominal_joint: float | None = None) -> Figu
                 words += f"; a length is sure to {np.nanmedian(sigma) * 1e3:.0f} mm (1 σ)"
             ax.set_title(words)
         ax.set_yscale("symlog", linthresh=10)
-        top = max((float(p.get_height()) for p in ax.patches), default=1.0)
+        top = float(np.max(counts, initial=1.0))
         ticks = [t for t in (0, 2, 5, 10, 30, 100, 300, 1000, 3000, 10000) if t <= 2 * top]
         ax.set_yticks(ticks, [str(t) for t in ticks])
         ax.set_ylim(0, 1.3 * top)
