@@ -60,5 +60,5 @@ def _epoch(row: Any, diameter: float) -> dict[str, Any]:
         "width": measure("dent size", row.width_m),
         "strain": measure("dent strain", row.strain_max),
         "change": measure("dent depth change", row.depth_change_m, row.depth_change_sigma_m),
-        "reason": row.reason,
+        "reason": sentence(row.reason),
     }

@@ -163,7 +163,9 @@ PLATES = (
         match_figures.ribbon,
         "print",
     ),
-    Plate("welds", "Joint lengths of {}: later minus earlier, one scale taken out.", _pairs, match_figures.length_differences),
+    Plate(
+        "welds", "Odometers of {}: place of each common weld in the later run against the earlier.", _pairs, match_figures.drift
+    ),
     Plate(
         "run",
         "Navigation of {}: plan, profile, pitch, roll, azimuth, speed.",

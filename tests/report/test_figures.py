@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import colorsys
+import re
 from pathlib import Path
 
 import numpy as np
@@ -187,3 +188,11 @@ def test_the_depth_of_a_dent_darkens_steadily_and_no_change_is_white() -> None:
 
 def _light(colour: str) -> float:
     return colorsys.rgb_to_hls(*(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)))[1]
+
+
+def test_numbers_that_a_picture_says_are_not_cut_with_its_coordinates() -> None:
+    figure = Figure()
+    figure.text(0.1, 0.1, "± 0.0041 m")
+    text = str(themed_svg(figure))
+    assert "0.0041" in text
+    assert not re.search(r"[\" ]-?\d+\.\d{3,}", re.sub(r">[^<]*<", "><", text))
