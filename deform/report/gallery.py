@@ -119,6 +119,11 @@ def _limits(given: Given) -> Datasets:
     return [] if ds is None else [("", ds)]
 
 
+def _parted(given: Given) -> Datasets:
+    """Return the pairs of runs in which some weld has no partner."""
+    return ((names, ds) for names, ds in _pairs(given) if not np.isfinite(ds["probability"].values).all())
+
+
 PLATES = (
     Plate("line", "Plan of the reference run with its zones.", _line_with("along"), line_figures.plan, "print"),
     Plate(
@@ -159,13 +164,11 @@ PLATES = (
     Plate(
         "welds",
         "Welds of {} about the first that has no partner; a link is one weld, a cross stands where a run should list one.",
-        _pairs,
+        _parted,
         match_figures.ribbon,
         "print",
     ),
-    Plate(
-        "welds", "Odometers of {}: place of each common weld in the later run against the earlier.", _pairs, match_figures.drift
-    ),
+    Plate("welds", "Odometers of {}: place of each common weld, later against earlier run.", _pairs, match_figures.drift),
     Plate(
         "run",
         "Navigation of {}: plan, profile, pitch, roll, azimuth, speed.",
@@ -183,7 +186,9 @@ PLATES = (
         "run",
         "Unrolled wall about the deepest dent of {}.",
         _each_run(wall_of_deepest_dent),
-        lambda wall: caliper_figures.unrolled_wall(wall, *wall.attrs["ends_m"], {"weld": wall.attrs["welds"]}),
+        lambda wall: caliper_figures.unrolled_wall(
+            wall, wall.attrs["ends_m"][0], wall.attrs["ends_m"][1], {"weld": wall.attrs["welds"]}
+        ),
     ),
     Plate(
         "run",
