@@ -148,6 +148,15 @@ def test_a_comparison_without_movement_is_not_called_stable(tmp_path: Path) -> N
     assert "No zone" not in said
 
 
+def test_a_dent_measured_once_is_not_called_stable(small: Path, tmp_path: Path) -> None:
+    shutil.copytree(small, tmp_path / "copy")
+    table = store.read_table(small / "tables" / "dents.csv", "dents")
+    once = table[table.dent_id == "D01"].iloc[:1].assign(status="stable", depth_change_m=np.nan)
+    store.write_table(once, tmp_path / "copy" / "tables" / "dents.csv", "dents")
+    dents = build_context(read_content(tmp_path / "copy"), ReportOptions())["dents"]
+    assert [dent["status"] for dent in dents] == ["first measured"]
+
+
 def test_progress_rises_to_one(small: Path) -> None:
     seen: list[float] = []
     write_report(small, ("xlsx",), progress=seen.append)
