@@ -14,7 +14,7 @@ from tests.report.fabricate import write_folder
 BOX = "(e => { const r = e.getBoundingClientRect(); return [r.x, r.y, r.width, r.height]; })"
 
 
-def _until(browser: Browser, script: str, seconds: float = 20.0) -> bool:
+def _until(browser: Browser, script: str, seconds: float = 90.0) -> bool:
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         if browser.run(script):
