@@ -1,4 +1,4 @@
-"""A simulated passage of the caliper alone, with its truth: the arms, the true trajectory, the detector, and the accelerometers."""
+"""A simulated passage of the caliper alone, with its truth: arms, true trajectory, detector and accelerometers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whole surveys of simulated lines, unlike in pipe, tool and history, held against their truth: ``python -m benchmarks.surveys [LINE ...]``."""
+"""Surveys of simulated lines, unlike the demonstration, against their truth: ``python -m benchmarks.surveys [LINE ...]``."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ def main() -> None:
             findings = judged(name, Path(place))
         barred = [f for f in findings if f["result"] in ("ok", "SHORT")]
         short = [f for f in barred if f["result"] == "SHORT" and f["section"] != "reports"]
-        print(f"{name}: {len(barred) - len(short)} of {len(barred)} bars of the demonstration met, {time.process_time() - start:.0f} s")
+        took = time.process_time() - start
+        print(f"{name}: {len(barred) - len(short)} of {len(barred)} bars of the demonstration met, {took:.0f} s")
         for f in short:
             print(f"  {f['section']:11s} {f['scope']:18s} {f['metric']:40s} {f['value']!s:22.22s} bar {f['bar']} {f['note']}")
 

@@ -102,7 +102,7 @@ def _turn_sigma(fine: list[np.ndarray], straight: np.ndarray, size: int) -> floa
         total = np.concatenate([[0.0], np.cumsum(c)]) * _STEP_M
         change = (total[size:] - total[: total.size - size])[free]
         turned.append(1.4826 * float(np.median(np.abs(change - np.median(change)))))
-    return float(np.hypot(*turned)) / np.sqrt(2.0)
+    return float(np.hypot(turned[0], turned[1])) / np.sqrt(2.0)
 
 
 def _direction(right: float, up: float) -> str:

@@ -253,7 +253,8 @@ class _Builder:
         usual = _usual(block.chainage, found)
         if usual is None:
             return None
-        harmonics = to_tool_angle(*usual, block.roll, self.reader.sign)
+        radius, right, up, oval_cos, oval_sin = usual
+        harmonics = to_tool_angle(radius, right, up, oval_cos, oval_sin, block.roll, self.reader.sign)
         residual = block.radius - harmonics @ fitter.basis.T
         size, _ = self._departures(block, residual)[0]
         some = np.flatnonzero(found.good & (np.nan_to_num(size) > limits.broad))

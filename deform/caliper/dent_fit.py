@@ -92,7 +92,10 @@ class _Problem:
         spread[bead] = np.inf
         spacing = 2 * np.pi / samples.arms
         begun = _begin(samples, spread, step, start, length, spacing)
-        return None if begun is None else cls(samples, spread, step, bead, *begun, outer_radius, spacing)
+        if begun is None:
+            return None
+        state, model = begun
+        return cls(samples, spread, step, bead, state, model, outer_radius, spacing)
 
     def solve(self) -> DentFit | None:
         for turn in range(_ROUNDS):

@@ -1,4 +1,4 @@
-"""Departures from the undamaged section in, the dents that may have made them out: where to begin, and what few arms leave open."""
+"""Departures from the undamaged section in, the dents that may have made them out: first values, and what few arms leave open."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def first_guess(
         return None
     rows, columns = np.nonzero(near)
     s, phi, y, w = place[rows], clock[rows, columns], departure[near], 1.0 / sigma[near] ** 2
-    best = (np.inf, None)
+    best: tuple[float, tuple[float, float, float, float] | None] = (np.inf, None)
     for length in (0.1, 0.17, 0.3, 0.5, 0.9, 1.6):
         for width in (0.25, 0.5, 1.0, 1.9):
             if width < 0.8 * spacing:
@@ -111,8 +111,8 @@ def posterior(
     Notes
     -----
     The readings of an arm along the dent give its amplitude. Width, fullness around and clock run over a grid; for each the
-    depth is linear, and is integrated in closed form. Two arms that see the flanks of a narrow dent leave its depth open upwards: the
-    sigma of the depth is such that 1.96 of it reach the outer fortieths of its distribution.
+    depth is linear, and is integrated in closed form. Two arms that see the flanks of a narrow dent leave its depth open
+    upwards: the sigma of the depth is such that 1.96 of it reach the outer fortieths of its distribution.
     """
     arms = _amplitudes(fit, place, clock, departure, sigma)
     if arms is None:

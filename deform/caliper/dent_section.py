@@ -1,4 +1,4 @@
-"""Readings around a dent in, the undamaged section under it out: radius and oval smooth along the pipe, the tool's offset free."""
+"""Readings around a dent in, the undamaged section under it out: radius and oval smooth along the pipe, tool offset free."""
 
 from __future__ import annotations
 

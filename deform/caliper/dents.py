@@ -89,8 +89,8 @@ def _in_stretch(all_of_it: _Stretch, limit: float, run_id: str) -> list[Candidat
             best = int(np.argmax(part.size))
             weight = part.size - 0.999 * limit
             centre = float(np.sum(weight * part.place) / np.sum(weight))
-            ends = float(part.place.min()), float(part.place.max())
-            found.append(Candidate(*ends, centre, float(part.clock[best]), float(part.size[best])))
+            first, last = float(part.place.min()), float(part.place.max())
+            found.append(Candidate(first, last, centre, float(part.clock[best]), float(part.size[best])))
     return found
 
 

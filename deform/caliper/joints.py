@@ -1,4 +1,4 @@
-"""Weld log, scan records and features in, the joint table out: number, length, wall and kind of the joint that begins at each weld."""
+"""Weld log, scan records and features in, the joint table out: number, length, wall and kind of the joint behind each weld."""
 
 from __future__ import annotations
 

@@ -24,7 +24,8 @@ def pose(reader: ScanReader, logs: list[ScanLog], window_s: float = 0.1) -> xr.D
     A ring sees the centre of the pipe at (right, up) from the tool axis, so the axis is at minus that in the pipe. From
     one ring the offset at its place is all there is. Two rings at y1 > y2 along the body give the slope of the axis
     against the pipe's chord between them, d offset / d y; it is turned to look downstream for a run made upstream.
-    Attribute ``ring_offset_m`` is the place of the foremost ring, to which the offset refers. The pitch and yaw are against
+    Attribute ``ring_offset_m`` is the place of the foremost ring, to which the offset refers, ``ring_base_m`` how far the
+    hindmost is behind it. The pitch and yaw are against
     the chord of the pipe between the rings: in a bend of curvature k the chord leaves the tangent at the IMU by
     k (y1 + y2) / 2.
 
@@ -52,6 +53,8 @@ def pose(reader: ScanReader, logs: list[ScanLog], window_s: float = 0.1) -> xr.D
         values["pitch"] = np.degrees(np.arctan2(reader.sign * (up_aft - up), base))
         values["yaw_sigma"] = values["pitch_sigma"] = angle_sigma
     result = build.dataset("pose", values, ring_offset_m=float(reader.ring_offset[fore]))
+    if len(logs) > 1:
+        result.attrs["ring_base_m"] = float(base)
     return result.assign_coords(
         ring_chainage=("time", reader.chainage(grid, fore), {"units": "m", "long_name": "chainage of the ring"})
     )

@@ -15,7 +15,7 @@ from deform.geometry.earth import radii
 from deform.geometry.resample import MAD_TO_SIGMA, box_average, interpolate
 from deform.geometry.rotation import attitude_to_matrix
 from deform.nav import _kernels_path
-from deform.nav.wobble import Wobble, fit_wobble, turn_sigma
+from deform.nav.wobble import Wobble, fit_wobble, gyro_walk, turn_sigma
 from deform.run.raw import RunHeader
 
 Floats = NDArray[Any]
@@ -27,6 +27,7 @@ _RING_SIGMA_M = (
     4e-4  # of the tool's offset at a ring at one node: roundness of the pipe lasts over metres, the arms' noise does not
 )
 _LEAST_SHIFT_M = 5e-5  # of the path at one node
+_NEAR_S, _THROUGHOUT = 1.0, 0.99
 _CUPS_OD = 3.0  # usual distance of the tool's supports in outside diameters
 _PRIOR_RAD = math.radians(0.5)  # misalignment and sag expected of a tool
 
@@ -79,6 +80,9 @@ def direction_along(
 
     A ring of arms at y along the tool sees the tool's shift plus y times the wobble against the pipe there; it halves what the
     path alone leaves in waves of hundreds of metres, where the tilt of the gyros bends the path.
+
+    Two rings see the wobble itself (Porter 1990, section 1), and to a thousandth of a degree: it is taken off, and the path is
+    not asked, for the tool's shift would slope it by more.
     """
     azimuth, pitch, roll = (np.radians(trajectory[a].values) for a in ("azimuth", "pitch", "roll"))
     azimuth, pitch = _turned(azimuth, pitch, roll, (0.0, 0.0))
@@ -92,8 +96,17 @@ def direction_along(
         azimuth, pitch = _turned(azimuth, pitch, roll, mounting)
         apart = _apart(trajectory, azimuth, pitch) - np.array(sag) * np.diff(travel, prepend=travel[0])[:, None]
     step = float(grid[1] - grid[0])
+    tool = azimuth, pitch
     azimuth, pitch = _on_grid(grid, travel, azimuth, step), _on_grid(grid, travel, pitch, step)
-    if known:
+    if known and pose is not None and _two_rings_throughout(pose, trajectory["time"].values):
+        turned = np.stack([azimuth * np.cos(pitch), pitch])
+        seen, sigma = _between_rings(trajectory, travel, grid, turned, pose, header.travel_sign)
+        azimuth, pitch = tool[0] - seen[:, 0] / np.maximum(np.cos(tool[1]), 1e-3), tool[1] - seen[:, 1]
+        azimuth, pitch = _on_grid(grid, travel, azimuth, step), _on_grid(grid, travel, pitch, step)
+        walk = gyro_walk(header.imu, float(np.median(trajectory["speed"].values)))
+        turn = np.sqrt(2.0 * sigma**2 + walk * TURN_LAGS_M)
+        wobble = [Wobble(zero, zero + sigma, turn)] * 2  # it is taken off already
+    elif known:
         turned = np.stack([azimuth * np.cos(pitch), pitch])
         ring = None if pose is None else _ring(trajectory, travel, grid, turned, pose, header.travel_sign)
         wobble = _wobble(trajectory, travel, apart, grid, turned, header, ring)
@@ -173,16 +186,70 @@ def _ring(
         [interpolate(at, time, sign * pose["offset_right"].values), interpolate(at, time, pose["offset_up"].values)], axis=1
     )
     for i in range(2):
-        mean = box_average(grid + 0.5 * lever, grid, direction[i], max(abs(lever), 1e-3))
-        bend = lever * np.nan_to_num(np.interp(travel, grid, mean - direction[i]))
+        bend = _bend(lever, travel, grid, direction[i])
         seen[:, i] -= _share(seen[:, i], bend) * bend
+    return lever, _without_constants(seen, travel, np.radians(trajectory["roll"].values))
+
+
+def _two_rings_throughout(pose: xr.Dataset, at: Floats) -> bool:
+    """Whether two rings tell the angle within a second of nearly every sample; a wobble bridged over gaps is a guess."""
+    if "yaw" not in pose or pose.sizes["time"] < 100:
+        return False
+    time = pose["time"].values
+    after = np.clip(np.searchsorted(time, at), 1, time.size - 1)
+    apart = np.minimum(np.abs(at - time[after - 1]), np.abs(time[after] - at))
+    return bool(np.mean(apart < _NEAR_S) > _THROUGHOUT)
+
+
+def _between_rings(
+    trajectory: xr.Dataset, travel: Floats, grid: Floats, direction: Floats, pose: xr.Dataset, sign: int
+) -> tuple[Floats, float]:
+    """Wobble as two rings see it at the samples, to the right and up, shape (n, 2), and its sigma (radian).
+
+    The angle is against the chord of the pipe between the rings. The chord's share is taken out as for one ring; waves shorter
+    than the rings are apart are none of a stiff tool, and are left to the gyros.
+    """
+    lever, base = (float(pose.attrs[name]) for name in ("ring_offset_m", "ring_base_m"))
+    time, at = pose["time"].values, trajectory["time"].values
+    inside = np.clip(at, time[0], time[-1])
+    seen = np.stack([np.interp(inside, time, np.radians(pose["yaw"].values)),
+                     np.interp(inside, time, sign * np.radians(pose["pitch"].values))], axis=1)  # fmt: skip
+    against_chord, pipe = seen, direction
+    for _ in range(2):  # at first the pipe's direction is known but for the wobble
+        seen = against_chord.copy()
+        for i in range(2):
+            chord = (_bend(lever, travel, grid, pipe[i]) - _bend(lever - base, travel, grid, pipe[i])) / base
+            seen[:, i] -= _share(seen[:, i], chord) * chord
+        pipe = direction - np.stack([np.interp(grid, travel, seen[:, i]) for i in range(2)])
+    seen = _without_constants(seen, travel, np.radians(trajectory["roll"].values))
+    cells = max(1.0, base * time.size / float(travel[-1] - travel[0]))
+    smooth = _parabolic_mean(travel, seen, base)
+    noise = math.radians(float(pose["yaw_sigma"].median())) * math.sqrt(25.0 / 18.0 / cells)
+    lost = MAD_TO_SIGMA * float(np.median(np.abs(smooth - _parabolic_mean(travel, smooth, base))))  # of the wobble itself
+    return smooth, math.hypot(noise, lost)
+
+
+def _parabolic_mean(travel: Floats, values: Floats, length: float) -> Floats:
+    """Running mean over some two lengths that leaves parabolas as they are; it has 25 / 18 of the variance of a mean of one."""
+    narrow, wide = (box_average(travel, travel, values, size) for size in (length, 2.0 * length))
+    mean = (4.0 * narrow - wide) / 3.0
+    return np.where(np.isfinite(mean), mean, values)
+
+
+def _bend(lever: float, travel: Floats, grid: Floats, direction: Floats) -> Floats:
+    """How far the pipe at ``lever`` along the tool lies beside its tangent at the IMU (metre), at the samples."""
+    mean = box_average(grid + 0.5 * lever, grid, direction, max(abs(lever), 1e-3))
+    return lever * np.nan_to_num(np.interp(travel, grid, mean - direction))
+
+
+def _without_constants(seen: Floats, travel: Floats, roll: Floats) -> Floats:
+    """Take off what is constant in the body and in the level frame."""
+    known = np.isfinite(seen).all(axis=1, keepdims=True)
     step = np.diff(travel, prepend=travel[0])
-    known = np.isfinite(seen).all(axis=1)
-    body, level = _constants(travel, np.where(known[:, None], seen, 0.0) * step[:, None], np.radians(trajectory["roll"].values))
-    roll = np.radians(trajectory["roll"].values)
-    seen[:, 0] -= level[0] - body[0] * np.cos(roll) - body[1] * np.sin(roll)
-    seen[:, 1] -= level[1] + body[0] * np.sin(roll) - body[1] * np.cos(roll)
-    return lever, seen
+    body, level = _constants(travel, np.where(known, seen, 0.0) * step[:, None], roll)
+    right = level[0] - body[0] * np.cos(roll) - body[1] * np.sin(roll)
+    up = level[1] + body[0] * np.sin(roll) - body[1] * np.cos(roll)
+    return seen - np.stack([right, up], axis=1)
 
 
 def _share(seen: Floats, bend: Floats) -> float:

@@ -151,7 +151,7 @@ def fit_wobble(total: Floats, node: float, speed: float, imu: ImuHeader) -> Wobb
     the tool as white noise and as random walk of the path. The number of poles with the least misfit is taken.
     """
     path = max(imu.accel_random_walk_ug_per_sqrt_hz * 1e-6 * _STANDARD_GRAVITY, 1e-7) ** 2 / max(speed, 0.05) ** 3
-    turn = (math.radians(imu.gyro_random_walk_deg_per_sqrt_h) / 60.0) ** 2 / max(speed, 0.05)
+    turn = gyro_walk(imu, speed)
     tilt = turn * _STANDARD_GRAVITY**2 / max(speed, 0.05) ** 4
     sigma, length, shift = _DEFAULT
     fallback = WobbleModel(2.0 * sigma**2 / length, 1.0 / length, 1, shift**2, 0.0, path, tilt, turn)
@@ -165,6 +165,11 @@ def fit_wobble(total: Floats, node: float, speed: float, imu: ImuHeader) -> Wobb
             if misfit < least:
                 best, least = model, misfit
     return best
+
+
+def gyro_walk(imu: ImuHeader, speed: float) -> float:
+    """Random walk of the gyros per metre at a speed (rad²/m)."""
+    return (math.radians(imu.gyro_random_walk_deg_per_sqrt_h) / 60.0) ** 2 / max(speed, 0.05)
 
 
 def turn_sigma(

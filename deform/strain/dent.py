@@ -169,7 +169,13 @@ def add_dent_strain(
 
 
 def _strain_at(
-    dents: xr.Dataset, wall: xr.Dataset, k: int, outside_diameter: float, thickness: float, options: DentStrainOptions, window: float
+    dents: xr.Dataset,
+    wall: xr.Dataset,
+    k: int,
+    outside_diameter: float,
+    thickness: float,
+    options: DentStrainOptions,
+    window: float,
 ) -> float:
     """Largest strain of one dent from the wall within ``window`` sizes of it; NaN where the wall is too coarse."""
     centre, clock = float(dents["chainage"][k]), float(dents["clock"][k])

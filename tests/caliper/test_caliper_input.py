@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -26,8 +27,8 @@ HEADER = {
 LENGTH, SPEED, RATE = 60.0, 1.0, 60.0
 
 
-def trajectory():
-    time = np.arange(0.0, LENGTH / SPEED, 0.05)
+def trajectory(length=LENGTH):
+    time = np.arange(0.0, length / SPEED, 0.05)
     zero = np.zeros_like(time)
     names = ("latitude", "longitude", "height", "east_sigma", "north_sigma", "up_sigma", "azimuth", "pitch")
     values = {"time": time, "chainage": SPEED * time, "log_distance": SPEED * time, "roll": 3.0 * time, "speed": zero + SPEED}
@@ -42,14 +43,14 @@ def readings(seed=1, arms=24):
     return time, angle, radius + np.random.default_rng(seed).normal(0, 3e-4, radius.shape)
 
 
-def raw_run(time=None, angle=None, radius=None, scale=1e-4, **header):
+def raw_run(time=None, angle=None, radius=None, scale=1e-4, samples=6000, **header):
     defaults = readings()
     time, angle, radius = (d if v is None else v for v, d in zip((time, angle, radius), defaults, strict=True))
     counts = np.where(np.isfinite(radius), np.round(radius / scale), 65535).astype(np.uint16)
     attrs = {"scale_factor": scale, "add_offset": 0.0, "_FillValue": np.uint16(65535)}
     arms = xr.Dataset({"time": ("scan", time), "radius": (("scan", "arm"), counts, attrs), "arm_angle": ("arm", angle)})
-    count = np.random.default_rng(2).integers(-9, 9, (6000, 3)).astype(np.int32)
-    imu = xr.Dataset({"time": ("sample", np.arange(6000) * 0.01), "accel_count": (("sample", "axis"), count)})
+    count = np.random.default_rng(2).integers(-9, 9, (samples, 3)).astype(np.int32)
+    imu = xr.Dataset({"time": ("sample", np.arange(samples) * 0.01), "accel_count": (("sample", "axis"), count)})
     content = {**HEADER, **header}
     return RawRun(TypeAdapter(RunHeader).validate_python(content), imu, xr.Dataset(), arms)
 
@@ -129,6 +130,26 @@ def test_a_file_of_another_clock_is_named():
     time, angle, radius = readings()
     with pytest.raises(InputError, match="scan clock and IMU clock differ"):
         measure(raw_run(time + 1e5, angle, radius), trajectory())
+
+
+def test_a_scan_clock_that_drifts_is_put_right_by_the_welds(caplog):
+    """400 ppm over 240 s: what the arms saw stands 48 mm off at both ends, until the detector's welds put it right."""
+    time, ends = np.arange(0.0, 240.0, 1 / RATE), np.cumsum(np.random.default_rng(7).uniform(5.0, 7.0, 38))
+    angle = np.arange(24) * 2 * np.pi / 24
+    place = SPEED * time - 0.6
+    radius = 0.1556 + np.random.default_rng(1).normal(0, 3e-4, (time.size, 24))
+    radius -= 1.5e-3 * (np.abs(place[:, None] - ends).min(axis=1) < 0.012)[:, None]
+    radius[np.abs(place - 233.0) < 0.1, 5:8] -= 0.01  # a dent near the end
+    long = trajectory(240.0)
+    heard = build.dataset("weld_events", {"time": ends / SPEED, "amplitude": np.ones(ends.size)})
+    drifting = replace(raw_run(time + 400e-6 * (time - 120.0), angle, radius, samples=24_000), weld_events=heard)
+    with caplog.at_level(logging.WARNING):
+        m = measure(drifting, long)
+    told = re.search(r"by (\d+) welds the scan clock runs ([\d.]+) ppm fast", caplog.text)
+    assert told is not None
+    assert float(told[2]) == pytest.approx(400.0, abs=20.0)
+    assert int(told[1]) > 30
+    assert m.dents.chainage.values == pytest.approx([233.0], abs=0.015)
 
 
 def test_half_a_file_gives_half_a_wall(caplog):

@@ -10,6 +10,7 @@ import xarray as xr
 from scipy.ndimage import gaussian_filter1d
 
 from deform.geometry.earth import enu_shift
+from deform.geometry.resample import box_average
 from deform.geometry.rotation import attitude_to_matrix, matrix_to_attitude
 from deform.nav.pipe_direction import TURN_LAGS_M, direction_along
 from deform.nav.wobble import fit_wobble
@@ -81,6 +82,36 @@ def found(**keywords):
     on = [np.interp(GRID, S, v) for v in (azimuth, pitch)]
     error = (result.azimuth - on[0] + 180.0) % 360.0 - 180.0, result.pitch - on[1]
     return result, error, np.interp(GRID, S, away) > 0.99
+
+
+def two_rings(trajectory, azimuth, pitch, noise_deg=1.5e-3, base=1.4):
+    """Group ``pose`` of rings at +- half the base: the tool against the pipe's chord, at every second sample."""
+    rng, half = np.random.default_rng(8), 0.5 * base
+    angles = {}
+    for name, true in (("yaw", azimuth), ("pitch", pitch)):
+        tool = trajectory["azimuth" if name == "yaw" else name].values
+        against = (tool - true + 180.0) % 360.0 - 180.0
+        chord = np.nan_to_num(box_average(S, S, true, base) - true)
+        angles[name] = ((against - chord) * (np.cos(np.radians(pitch)) if name == "yaw" else 1.0))[::2]
+        angles[name] = angles[name] + rng.normal(0.0, noise_deg, angles[name].size)
+    offsets = {f"offset_{n}": half * np.radians(angles[a]) for n, a in (("right", "yaw"), ("up", "pitch"))}
+    sigma = dict.fromkeys(("yaw_sigma", "pitch_sigma"), np.full(S[::2].size, noise_deg))
+    values = {name: ("time", v) for name, v in {**angles, **offsets, **sigma}.items()}
+    return xr.Dataset(values, {"time": S[::2]}, {"ring_offset_m": half, "ring_base_m": base})
+
+
+def test_two_rings_take_the_wobble_off_better_than_the_path_and_say_so():
+    trajectory, azimuth, pitch, away = made(mounting=(0.0, 0.0), roll_rate=0.0)
+    trajectory = trajectory.assign_coords(time=S)
+    pose, inside = two_rings(trajectory, azimuth, pitch), np.interp(GRID, S, away) > 0.99
+    left = {}
+    for name, given in (("path", None), ("rings", pose)):
+        result = direction_along(trajectory, S, GRID, header(), given)
+        error = (result.azimuth - np.interp(GRID, S, azimuth) + 180.0) % 360.0 - 180.0, result.pitch - np.interp(GRID, S, pitch)
+        left[name] = np.array([np.std(turns(e)[inside[20:]]) for e in error])
+    assert (left["rings"] < 0.25 * left["path"]).all()
+    assert (left["rings"] < 1.25 * result.turn_sigma[:, list(TURN_LAGS_M).index(2.0)]).all()
+    assert np.abs(error[0]).max() < 0.5  # the hard bends leave no trace
 
 
 def turns(error, lag_m=2.0):
