@@ -57,5 +57,5 @@ def png(figure: Figure, dpi: int = 110) -> bytes:
     """Return the figure as PNG."""
     out = io.BytesIO()
     with rc_context(MATPLOTLIB):
-        figure.savefig(out, format="png", dpi=dpi)
+        figure.savefig(out, format="png", dpi=dpi, pil_kwargs={"compress_level": 1})  # weasyprint packs it anew
     return out.getvalue()
