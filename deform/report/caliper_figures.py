@@ -13,7 +13,7 @@ from deform.units import clock_text
 
 _READING_SIGMA_M = 3e-4  # of a cell of the wall, where the dataset does not say
 _HOURS = ["12:00", "3:00", "6:00", "9:00"]
-_OUTWARD = "RdBu"  # red inward, blue outward
+_OUTWARD = "RdBu_r"  # blue inward as in the dent cards, red outward
 _PUP_SHARE = 0.5
 
 
@@ -35,7 +35,7 @@ def section_residuals(wall: xr.Dataset, chainage: float, depth_scale: float | No
     largest = float(np.nanmax(np.abs(residual)))
     scale = depth_scale or max(1.0, float(f"{mean / 3 / max(largest, 1e-6):.1g}"))
     with rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(6.6, 3.9))
+        figure = Figure(figsize=(9.2, 3.6), layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=[1.15, 1])
         _draw_section(left, fit, clock, residual, scale)
         left.set_title(f"Section at {wall['chainage'].values[row]:.2f} m, residuals × {scale:.0f}")
@@ -57,7 +57,7 @@ def unrolled_wall(wall: xr.Dataset, start: float, stop: float, marks: dict[str, 
     off = np.concatenate([off, off[:, :1]], axis=1)
     most = float(np.nanquantile(np.abs(off), 0.999)) if np.isfinite(off).any() else 1.0
     with rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(9.2, 3.0))
+        figure = Figure(figsize=(9.2, 3.0), layout="constrained")
         ax = figure.subplots()
         picture = ax.pcolormesh(part["chainage"].values, clock, off.T, cmap=_OUTWARD, vmin=-most, vmax=most, shading="nearest")
         picture.set_rasterized(True)  # a kilometre of wall is no drawing
@@ -70,8 +70,8 @@ def unrolled_wall(wall: xr.Dataset, start: float, stop: float, marks: dict[str, 
         ax.set_yticks(np.arange(0, 361, 90), [*_HOURS, "12:00"])
         ax.set_title("Wall, radius against the mean radius there")
         figure.colorbar(picture, ax=ax, label="radius (mm), + = outward", pad=0.01)
-        if marks:
-            ax.legend(loc="upper right", fontsize=7, frameon=True)
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.2)
     return figure
 
 
@@ -83,7 +83,7 @@ def dent_profiles(window: xr.Dataset) -> Figure:
     window : from `profile_dataset`.
     """
     with rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(8.4, 3.0))
+        figure = Figure(figsize=(9.2, 3.0), layout="constrained")
         axes = figure.subplots(1, 2, sharey=True)
         rows = (
             ("distance", 1e3, "profile_along", "along the pipe (mm), + = downstream", window.attrs["length_m"] * 1e3),
@@ -162,11 +162,13 @@ def joint_lengths(welds: xr.Dataset, nominal_joint: float | None = None) -> Figu
     sigma = welds["joint_length_sigma"].values[np.isfinite(length)] if "joint_length_sigma" in welds else np.empty(0)
     length = length[np.isfinite(length)]
     with rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(6.4, 2.8))
-        ax = figure.subplots()
+        figure = Figure(figsize=(9.2, 2.6), layout="constrained")
+        ax, counts = figure.subplots(), np.empty(0, int)
         if length.size:
             step = 0.1 if np.ptp(length) < 30 else float(np.ptp(length) / 300)
-            count, *_ = ax.hist(length, np.arange(0.0, length.max() + 2 * step, step).tolist(), color=EPOCHS[0])
+            edges = np.arange(0.0, length.max() + 2 * step, step)
+            counts = np.histogram(length, edges)[0]
+            ax.stairs(counts, edges, fill=True, color=EPOCHS[0])
             words = f"{length.size} joints, median {np.median(length):.2f} m"
             if nominal_joint:
                 words += f", {int((length < _PUP_SHARE * nominal_joint).sum())} pups"
@@ -174,7 +176,7 @@ def joint_lengths(welds: xr.Dataset, nominal_joint: float | None = None) -> Figu
                 words += f"; a length is sure to {np.nanmedian(sigma) * 1e3:.0f} mm (1 σ)"
             ax.set_title(words)
         ax.set_yscale("symlog", linthresh=10)
-        top = float(np.max(count)) if length.size else 1.0
+        top = float(np.max(counts, initial=1.0))
         ticks = [t for t in (0, 2, 5, 10, 30, 100, 300, 1000, 3000, 10000) if t <= 2 * top]
         ax.set_yticks(ticks, [str(t) for t in ticks])
         ax.set_ylim(0, 1.3 * top)

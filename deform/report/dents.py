@@ -13,6 +13,7 @@ from deform.report.trends import headline
 from deform.report.words import NOTHING, sentence
 from deform.units import clock_text
 
+FIRST_MEASURED = "first measured"
 _URGENCY = {"grown": 0, "new": 1, "rerounded": 2}
 
 
@@ -21,11 +22,17 @@ def dent_rows(content: Content) -> list[dict[str, Any]]:
     order = {name: i for i, name in enumerate(content.ids)}
     trends = dict(list(content.tables["trends"].groupby("subject")))
     groups: dict[str, list[Any]] = {}
-    for row in sorted(records(content.tables["dents"]), key=lambda r: order.get(r.run, -1)):
+    table = content.tables["dents"]
+    for row in sorted(records(table.assign(status=told_status(table))), key=lambda r: order.get(r.run, -1)):
         groups.setdefault(str(row.dent_id), []).append(row)
     rows = [_entry(dent, group, trends.get(dent), content.outside_diameter) for dent, group in groups.items()]
     rows.sort(key=lambda r: (_URGENCY.get(r["status"], 3), -(r["depth_value"] if np.isfinite(r["depth_value"]) else -1)))
     return rows
+
+
+def told_status(table: pd.DataFrame) -> pd.Series:
+    """Return the status of every row of the table for people: what was measured for the first time is not called stable."""
+    return table.status.astype(str).mask((table.status == "stable") & table.depth_change_m.isna(), FIRST_MEASURED)
 
 
 def _entry(dent: str, group: list[Any], trends: pd.DataFrame | None, diameter: float) -> dict[str, Any]:
@@ -60,5 +67,5 @@ def _epoch(row: Any, diameter: float) -> dict[str, Any]:
         "width": measure("dent size", row.width_m),
         "strain": measure("dent strain", row.strain_max),
         "change": measure("dent depth change", row.depth_change_m, row.depth_change_sigma_m),
-        "reason": row.reason,
+        "reason": sentence(row.reason),
     }

@@ -13,6 +13,7 @@ from deform.report.words import NOTHING, number, percent
 from deform.units import clock_text
 
 _OF_KIND = {"bend": "turn", "wall_change": "wall"}  # what `value` of a feature is; metal loss is a part of the wall
+_LENGTHS = ("valve", "tee", "tap", "wrinkle")  # of these it is a wall, a depth or a height (m), as the source's words say
 
 
 def feature_rows(content: Content) -> dict[str, Any]:
@@ -53,4 +54,6 @@ def _size(kind: str, value: float) -> str | None:
         return None
     if kind == "metal_loss":
         return f"{percent(value)} of the wall"
+    if kind in _LENGTHS:
+        return number(1000 * value, 1, "mm")
     return str(measure(_OF_KIND[kind], value)) if kind in _OF_KIND else number(value, 3)

@@ -36,24 +36,6 @@ def dent_card(window: xr.Dataset) -> Figure:
     return figure
 
 
-def cross_section(window: xr.Dataset) -> Figure:
-    """Return the cross-section at the apex with its scaled residuals (Porter 1990, Fig. 2-7 and 4-6)."""
-    with rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(3.2, 3.3))
-        _section(_place(figure, 0.5, 0.4, 2.2, 2.2, projection="polar"), window)
-    return figure
-
-
-def unrolled_wall(window: xr.Dataset) -> Figure:
-    """Return the unrolled wall of every epoch side by side, one colour scale."""
-    n = window.sizes["run"]
-    with rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(0.7 + 2.6 * n + 0.9, 2.1))
-        maps = [_place(figure, 0.7 + 2.6 * i, 0.45, 2.45, 1.35) for i in range(n)]
-        _unrolled(figure, maps, _place(figure, 0.75 + 2.6 * n, 0.45, 0.1, 1.35), window)
-    return figure
-
-
 def _place(figure: Figure, left: float, low: float, wide: float, high: float, projection: str | None = None) -> Any:
     """Return axes at a place in inch."""
     size = figure.get_size_inches()

@@ -15,7 +15,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from deform.report import line_figures, navigation_figures, trend_figures
+from deform.report import caliper_figures, line_figures, match_figures, navigation_figures, trend_figures
+from deform.report.caliper_view import most_oval_wall, profiles_of_deepest_dent, wall_of_deepest_dent
 from deform.report.content import Content
 from deform.report.line_view import line_dataset, run_dataset
 from deform.report.trend_view import limit_dataset, trend_dataset
@@ -84,8 +85,28 @@ def _zones_with(*names: str) -> Callable[[Given], Datasets]:
     return datasets
 
 
-def _runs(given: Given) -> Datasets:
-    return [(run, ds) for run in given.content.ids if (ds := run_dataset(given.content, run)) is not None]
+def _each_run(view: Callable[[Content, str], xr.Dataset | None]) -> Callable[[Given], Datasets]:
+    """Return what a view gives of each run; runs of which it gives nothing are left out."""
+
+    def datasets(given: Given) -> Datasets:
+        return ((run, ds) for run in given.content.ids if (ds := view(given.content, run)) is not None)
+
+    return datasets
+
+
+def _joints(content: Content, run: str) -> xr.Dataset | None:
+    welds = content.group(run, "welds")
+    known = welds is not None and "joint_length" in welds and np.isfinite(welds["joint_length"].values).any()
+    return welds if known else None
+
+
+def _pairs(given: Given) -> Datasets:
+    """Return the matched welds of the reference run and each other run."""
+    welds, reference = given.content.tables["welds"], given.content.reference
+    for run in given.content.ids:
+        if run != reference and {run, reference} <= set(welds["run"]):
+            first, second = sorted((reference, run), key=given.content.ids.index)
+            yield f"{first} and {second}", match_figures.match_data(welds, first, second)
 
 
 def _group_with(group: str, *names: str) -> Callable[[Given], Datasets]:
@@ -108,6 +129,11 @@ def _trends(given: Given) -> Datasets:
 def _limits(given: Given) -> Datasets:
     ds = limit_dataset(given.content)
     return [] if ds is None else [("", ds)]
+
+
+def _parted(given: Given) -> Datasets:
+    """Return the pairs of runs in which some weld has no partner."""
+    return ((names, ds) for names, ds in _pairs(given) if not np.isfinite(ds["probability"].values).all())
 
 
 PLATES = (
@@ -147,7 +173,41 @@ PLATES = (
         line_figures.joint_changes,
         "print",
     ),
-    Plate("run", "Navigation of {}: plan, profile, pitch, roll, azimuth, speed.", _runs, line_figures.navigation_panel),
+    Plate(
+        "welds",
+        "Welds of {} about the first that has no partner; a link is one weld, a cross stands where a run should list one.",
+        _parted,
+        match_figures.ribbon,
+        "print",
+    ),
+    Plate("welds", "Odometers of {}: place of each common weld, later against earlier run.", _pairs, match_figures.drift),
+    Plate(
+        "run",
+        "Navigation of {}: plan, profile, pitch, roll, azimuth, speed.",
+        _each_run(run_dataset),
+        line_figures.navigation_panel,
+    ),
+    Plate("run", "Joint lengths of {}.", _each_run(_joints), caliper_figures.joint_lengths),
+    Plate(
+        "run",
+        "Most oval section of {}, with the ellipse adjusted to it (Porter 1990, Fig. 2-7).",
+        _each_run(most_oval_wall),
+        lambda wall: caliper_figures.section_residuals(wall, wall.attrs["chainage_m"]),
+    ),
+    Plate(
+        "run",
+        "Unrolled wall about the deepest dent of {}.",
+        _each_run(wall_of_deepest_dent),
+        lambda wall: caliper_figures.unrolled_wall(
+            wall, wall.attrs["ends_m"][0], wall.attrs["ends_m"][1], {"weld": wall.attrs["welds"]}
+        ),
+    ),
+    Plate(
+        "run",
+        "Profiles of the deepest dent of {} with their uncertainty; length and width are taken at a tenth of the depth.",
+        _each_run(profiles_of_deepest_dent),
+        caliper_figures.dent_profiles,
+    ),
     Plate(
         "run",
         "Residuals of {} at its markers: hollow, the trajectory without the marker minus the marker; filled, the final one.",

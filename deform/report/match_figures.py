@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib
 import numpy as np
 import pandas as pd
 import xarray as xr
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from deform.report.style import MATPLOTLIB
+from deform.report.style import EPOCHS, FAINT, INK, MATPLOTLIB, QUIET, SEVERITY
 
+_ODD = SEVERITY["high"]
 _COLOURS = {
-    "matched": "#4d4d4d",
-    "shifted": "#b8860b",
-    "missed": "#2166ac",
-    "false": "#999999",
-    "added": "#1b7837",
-    "removed": "#b2182b",
+    "matched": QUIET,
+    "shifted": EPOCHS[4],
+    "missed": EPOCHS[0],
+    "false": EPOCHS[3],
+    "added": EPOCHS[2],
+    "removed": _ODD,
 }
 
 
@@ -56,6 +57,7 @@ def match_data(welds: pd.DataFrame, run_a: str, run_b: str) -> xr.Dataset:
     return xr.Dataset({k: ("weld", v) for k, v in values.items()}, attrs={"run_a": run_a, "run_b": run_b})
 
 
+@rc_context(MATPLOTLIB)
 def ribbon(data: xr.Dataset, start: float | None = None, end: float | None = None) -> Figure:
     """Both runs' welds as ticks along two lines, links between what is one weld, and what has no partner in its colour.
 
@@ -69,7 +71,7 @@ def ribbon(data: xr.Dataset, start: float | None = None, end: float | None = Non
     figure, axes = _figure(2.4)
     for level, end_name in ((1.0, "a"), (0.0, "b")):
         listed = shown & np.isfinite(data[f"chainage_{end_name}"].values)
-        axes.plot([first, last], [level, level], color="#bbbbbb", linewidth=6, solid_capstyle="butt", zorder=1)
+        axes.plot([first, last], [level, level], color=FAINT, linewidth=6, solid_capstyle="butt", zorder=1)
         status = data[f"status_{end_name}"].values
         for word, colour in _COLOURS.items():
             at = place[listed & (status == word)]
@@ -79,37 +81,39 @@ def ribbon(data: xr.Dataset, start: float | None = None, end: float | None = Non
     paired = shown & np.isfinite(data["probability"].values)
     doubt = 1.0 - np.nan_to_num(data["probability"].values)
     for k in np.flatnonzero(paired):
-        colour = "#b2182b" if doubt[k] > 0.1 else "#777777"
+        colour = _ODD if doubt[k] > 0.1 else QUIET
         axes.plot([place[k], place[k]], [0.12, 0.88], color=colour, linewidth=0.8, alpha=0.8, zorder=2)
     for word, colour in _COLOURS.items():
         if (shown & ((data["status_a"].values == word) | (data["status_b"].values == word))).any():
             axes.plot([], [], color=colour, linewidth=2, label=word)
-    axes.plot([], [], color="#b2182b", linewidth=0.8, label="link below 0.9")
+    axes.plot([], [], color=_ODD, linewidth=0.8, label="link below 0.9")
     axes.set_yticks([1.0, 0.0], [data.attrs["run_a"], data.attrs["run_b"]])
     axes.set_ylim(-0.35, 1.35)
     axes.set_xlim(first, last)
-    axes.set_xlabel("reference chainage, m")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.28), ncols=7, fontsize="x-small", frameon=False)
+    axes.set_xlabel("reference chainage (m)")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.28), ncols=7)
     return figure
 
 
+@rc_context(MATPLOTLIB)
 def length_differences(data: xr.Dataset) -> Figure:
     """Length of each joint in the second run minus that in the first, the mean scale taken out, along the line."""
     place, difference = _differences(data)
     figure, axes = _figure(2.6)
     sigma = 1.4826 * np.median(np.abs(difference - np.median(difference))) if difference.size else np.nan
-    axes.axhspan(-1.96 * sigma, 1.96 * sigma, color="#dddddd", label=f"± 1.96 × {sigma:.3f} m")
+    axes.axhspan(-1.96 * sigma, 1.96 * sigma, color=FAINT, label=f"± 1.96 × {sigma:.3f} m")
     most = max(10.0 * sigma, 0.1)
     inside = np.abs(difference) <= most
-    axes.plot(place[inside], difference[inside], ".", markersize=2.5, color="#333333")
-    axes.plot(place[~inside], np.clip(difference[~inside], -most, most), "v", markersize=4, color="#b2182b", label="beyond")
+    axes.plot(place[inside], difference[inside], ".", markersize=2.5, color=INK)
+    axes.plot(place[~inside], np.clip(difference[~inside], -most, most), "v", markersize=4, color=_ODD, label="beyond")
     axes.set_ylim(-1.1 * most, 1.1 * most)
-    axes.set_ylabel("difference of length, m")
-    axes.set_xlabel("reference chainage, m")
-    axes.legend(loc="upper right", fontsize="x-small")
+    axes.set_ylabel("difference of length (m)\n+ = longer in the later run")
+    axes.set_xlabel("reference chainage (m)")
+    axes.legend(loc="upper right")
     return figure
 
 
+@rc_context(MATPLOTLIB)
 def drift(data: xr.Dataset) -> Figure:
     """Chainage of the second run minus that of the first at the common welds, one scale taken out."""
     both = np.isfinite(data["probability"].values)
@@ -117,34 +121,34 @@ def drift(data: xr.Dataset) -> Figure:
     figure, axes = _figure(2.4)
     if a.size > 1:
         slope, offset = np.polyfit(a, b, 1)
-        axes.plot(data["reference_chainage"].values[both], b - slope * a - offset, linewidth=1.0, color="#2166ac")
-        axes.set_title(f"scale {slope:.5f} taken out", fontsize="small")
-    axes.axhline(0.0, color="#999999", linewidth=0.6)
-    axes.set_ylabel("drift, m")
-    axes.set_xlabel("reference chainage, m")
+        axes.plot(data["reference_chainage"].values[both], b - slope * a - offset, linewidth=1.0, color=EPOCHS[0])
+        axes.set_title(f"scale {slope:.5f} taken out")
+    axes.axhline(0.0, color=QUIET, linewidth=0.6)
+    axes.set_ylabel("drift (m)\n+ = later run ahead")
+    axes.set_xlabel("reference chainage (m)")
     return figure
 
 
+@rc_context(MATPLOTLIB)
 def probability_strip(data: xr.Dataset) -> Figure:
     """Odds against each pair along the line, on a logarithmic scale: what is sure lies low, what wants a look stands out."""
     both = np.isfinite(data["probability"].values)
     place, doubt = data["reference_chainage"].values[both], 1.0 - data["probability"].values[both]
     figure, axes = _figure(2.0)
-    axes.semilogy(place, np.clip(doubt, 1e-6, 1.0), ".", markersize=2.5, color="#4d4d4d")
+    axes.semilogy(place, np.clip(doubt, 1e-6, 1.0), ".", markersize=2.5, color=QUIET)
     sure = doubt > 0.1
-    axes.semilogy(place[sure], doubt[sure], "o", markersize=4, color="#b2182b", label=f"{int(sure.sum())} below 0.9")
-    axes.axhline(0.1, color="#b2182b", linewidth=0.6)
+    axes.semilogy(place[sure], doubt[sure], "o", markersize=4, color=_ODD, label=f"{int(sure.sum())} below 0.9")
+    axes.axhline(0.1, color=_ODD, linewidth=0.6)
     axes.set_ylim(5e-7, 1.5)
     axes.set_ylabel("1 - probability")
-    axes.set_xlabel("reference chainage, m")
-    axes.legend(loc="upper right", fontsize="x-small")
+    axes.set_xlabel("reference chainage (m)")
+    axes.legend(loc="upper right")
     return figure
 
 
 def _figure(height: float) -> tuple[Figure, Any]:
-    with matplotlib.rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(8.0, height), layout="constrained")
-        return figure, figure.subplots()
+    figure = Figure(figsize=(9.2, height), layout="constrained")
+    return figure, figure.subplots()
 
 
 def _piece(data: xr.Dataset, start: float | None, end: float | None) -> tuple[float, float]:

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from deform.report.content import Content
+from deform.report.dents import told_status
 from deform.report.limits import noise
 from deform.report.quality import flat, inputs, marker_rows, sensor_rows
 from deform.report.quantities import OF_TREND, column, heading, measure
@@ -115,7 +116,7 @@ def dents(content: Content, _: dict[str, Any]) -> Sheet:
     sheet = Sheet("Dents", note, coloured=("Status",))
     sheet.add("Dent", t.dent_id)
     sheet.add("Run", t.run)
-    sheet.add("Status", t.status)
+    sheet.add("Status", told_status(t))
     sheet.measured("Chainage, reference run", "chainage", t.reference_chainage_m)
     sheet.measured("Chainage, this run", "chainage", t.run_chainage_m)
     sheet.add("Joint number", t.joint_id)

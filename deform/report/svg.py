@@ -14,6 +14,7 @@ from deform.report.style import EPOCHS, FAINT, INK, MATPLOTLIB, QUIET, SEVERITY
 _REPLACED = {INK: "currentColor", FAINT: "var(--grid)", QUIET: "var(--quiet)"}
 _REPLACED |= {colour: f"var(--epoch-{i})" for i, colour in enumerate(EPOCHS)}
 _REPLACED |= {colour: f"var(--{word})" for word, colour in SEVERITY.items()}
+_PX_PER_PT = 1.6
 _NAMELESS = dict.fromkeys(("Date", "Creator", "Format", "Type"))
 
 
@@ -28,13 +29,19 @@ def themed_svg(figure: Figure, label: str = "") -> Markup:
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
     text = re.sub(r'<g id="[^"]*">', "<g>", text)
-    text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", text, count=1)
+    widest = _PX_PER_PT * 72 * figure.get_size_inches()[0]  # so that the letters of all figures are of one size
+    text = re.sub(r'(<svg[^>]*?) width="[^"]*"', rf'\1 style="max-width: {widest:.0f}px"', text, count=1)
     text = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1)
-    text = re.sub(r"(\d+\.\d\d)\d+", r"\1", text)  # a hundredth of a point is finer than any screen
+    text = re.sub(r"<[^>]*>", _rounded, text)
     for colour, word in _REPLACED.items():
         text = text.replace(colour, word)
     said = f' role="img" aria-label="{escape(label)}"' if label else ' aria-hidden="true"'
     return Markup(text.replace("<svg", f"<svg{said}", 1))  # matplotlib escapes the texts of a figure
+
+
+def _rounded(tag: re.Match[str]) -> str:
+    """Return a tag with its coordinates cut to a hundredth of a point, finer than any screen; texts are no tags."""
+    return re.sub(r"(\d+\.\d\d)\d+", r"\1", tag.group())
 
 
 def literal(picture: Markup) -> Markup:
@@ -50,5 +57,5 @@ def png(figure: Figure, dpi: int = 110) -> bytes:
     """Return the figure as PNG."""
     out = io.BytesIO()
     with rc_context(MATPLOTLIB):
-        figure.savefig(out, format="png", dpi=dpi)
+        figure.savefig(out, format="png", dpi=dpi, pil_kwargs={"compress_level": 1})  # weasyprint packs it anew
     return out.getvalue()

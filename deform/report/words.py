@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pandas as pd
@@ -66,6 +67,13 @@ def count(n: int, one: str, many: str = "") -> str:
 
 
 def sentence(text: str) -> str:
-    """Return a clause as a sentence: the first letter large, no stop at the end."""
-    text = text.strip().rstrip(".;, ")
+    """Return a clause as a sentence: the first letter large, no stop at the end, true minus signs, none before a zero.
+
+    Examples
+    --------
+    >>> sentence("-0.0 mm since 2019-07-02, sigma 0.3 mm")
+    '0.0 mm since 2019-07-02, sigma 0.3 mm'
+    """
+    text = re.sub(r"(?<![\w.)])[-+](?=0\.?0*(?![\d.]))", "", text.strip().rstrip(".;, "))
+    text = re.sub(r"(?<![\w.)])-(?=\d)", "\u2212", text)
     return text[:1].upper() + text[1:]

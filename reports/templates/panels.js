@@ -76,9 +76,9 @@ const Panels = (() => {
     }
     function layout(view, parts) {
       const ranges = parts.map((p) => p.range);
-      const n = panels.length + 1, total = n * (narrow() ? 122 : 138) + 50, head = 24 / (total - 60), each = (1 - n * head) / (n - 0.45);
+      const n = panels.length + 1, total = n * (narrow() ? 122 : 138) + 64, head = 24 / (total - 74), each = (1 - n * head) / (n - 0.45);
       const result = {
-        width: place.clientWidth, height: total, margin: { l: narrow() ? 50 : 64, r: 10, t: 4, b: 42 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+        width: place.clientWidth, height: total, margin: { l: narrow() ? 50 : 64, r: 10, t: 18, b: 42 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
         font: { family: "Inter, system-ui, sans-serif", color: css("--quiet"), size: narrow() ? 10 : 11.5 }, hovermode: "x", hoversubplots: "axis", dragmode: "zoom", showlegend: false,
         hoverlabel: { bgcolor: css("--raised"), font: { color: css("--ink") } },
         xaxis: { range: view.slice(), anchor: axisName(n - 1), title: { text: narrow() ? "reference chainage (m)" : "reference chainage (m), rising downstream" }, gridcolor: css("--grid"), zeroline: false, separatethousands: true, exponentformat: "none" },
@@ -93,9 +93,13 @@ const Panels = (() => {
         result.annotations.push({ xref: "paper", yref: "paper", x: 0, y: domain[1], xanchor: "left", yanchor: "bottom", showarrow: false, align: "left", text: last ? "<b>Events</b>: markers, valves and bends ▼, dents ●, welds not in all runs |" : label(panel) + note, font: { size: narrow() ? 9.5 : 12, color: css("--ink") } });
         top -= size + head;
       }
+      const named = [], room = (34 / (place.clientWidth || 800)) * (view[1] - view[0]); // names of higher rank come first; one on another cannot be read
       data.zones.forEach((z) => {
         result.shapes.push({ type: "rect", xref: "x", yref: "paper", x0: z.start, x1: z.end, y0: 0, y1: 1, layer: "below", line: { width: 0 }, fillcolor: css(`--${z.severity}`) + "26" });
-        if (z.end >= view[0] && z.start <= view[1]) result.annotations.push({ xref: "x", yref: "paper", x: Math.min(Math.max((z.start + z.end) / 2, view[0]), view[1]), y: 1, yanchor: "top", showarrow: false, text: `<b>${page.safe(z.id)}</b>`, font: { size: 11, color: css(`--${z.severity}`) } });
+        const x = Math.min(Math.max((z.start + z.end) / 2, view[0]), view[1]);
+        if (z.end < view[0] || z.start > view[1] || named.some((other) => Math.abs(other - x) < room)) return;
+        named.push(x);
+        result.annotations.push({ xref: "x", yref: "paper", x, y: 1, yanchor: "bottom", showarrow: false, text: `<b>${page.safe(z.id)}</b>`, font: { size: 11, color: css(`--${z.severity}`) } });
       });
       panels.forEach((panel, k) => {
         if (!panel.attention || parts[k].most < 0.6 * panel.attention) return;

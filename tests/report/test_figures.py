@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import colorsys
+import re
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +64,7 @@ def test_signs_stand_on_the_axes_that_have_one(line: xr.Dataset, content: Conten
     for sign in ("+ = right", "+ = up", "+ = bend to right", "+ = sag", "+ = to the right"):
         assert sign in said
     assert "+ = longer" in " ".join(_texts(line_figures.joint_changes(line)))
-    assert "+ = inward" in " ".join(_texts(figures.unrolled_wall(_window(content, "D02"))))
+    assert "+ = inward" in " ".join(_texts(figures.dent_card(_window(content, "D02"))))
 
 
 def test_thinning_keeps_the_spike_of_one_sample_and_the_length_of_the_line(line: xr.Dataset) -> None:
@@ -166,11 +167,10 @@ def test_the_dent_card_shows_the_same_clock_and_depth_as_the_table(content: Cont
     assert "mm), + = inward" in text
     assert 'role="img" aria-label="a dent &amp; its &lt;wall&gt;"' in text
     assert "var(--" not in str(literal(themed_svg(figures.dent_card(window))))
-    assert len(png(figures.cross_section(window), 60)) > 3000
 
 
 def test_the_section_says_by_how_much_its_residuals_are_scaled(content: Content) -> None:
-    assert "residuals × 8" in " ".join(_texts(figures.cross_section(_window(content, "D05"))))
+    assert "residuals × 8" in " ".join(_texts(figures.dent_card(_window(content, "D05"))))
 
 
 def test_epochs_differ_in_line_style_so_that_greyscale_prints_can_be_read() -> None:
@@ -188,3 +188,11 @@ def test_the_depth_of_a_dent_darkens_steadily_and_no_change_is_white() -> None:
 
 def _light(colour: str) -> float:
     return colorsys.rgb_to_hls(*(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)))[1]
+
+
+def test_numbers_that_a_picture_says_are_not_cut_with_its_coordinates() -> None:
+    figure = Figure()
+    figure.text(0.1, 0.1, "± 0.0041 m")
+    text = str(themed_svg(figure))
+    assert "0.0041" in text
+    assert not re.search(r"[\" ]-?\d+\.\d{3,}", re.sub(r">[^<]*<", "><", text))

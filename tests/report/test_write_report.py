@@ -120,11 +120,13 @@ def test_a_folder_without_runs_or_rights_is_refused_with_its_name(tmp_path: Path
         write_report(tmp_path / "nowhere")
     with pytest.raises(OptionError, match="docx"):
         write_report(tmp_path, ("docx",))
-    if os.geteuid() == 0:
-        pytest.skip("root may write everywhere")
-    tmp_path.chmod(0o500)
-    with pytest.raises(InputError, match="cannot be written"):
-        write_report(tmp_path)
+
+
+def test_a_folder_that_cannot_be_written_is_named_before_any_work(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK)  # root may write everywhere
+    with pytest.raises(InputError, match="cannot be written to") as caught:
+        write_report(small, ("html",))
+    assert str(small) in str(caught.value)
 
 
 def test_one_run_is_described_as_it_is_and_no_change_is_claimed(tmp_path: Path) -> None:
@@ -146,6 +148,15 @@ def test_a_comparison_without_movement_is_not_called_stable(tmp_path: Path) -> N
     said = " ".join(build_context(read_content(folder), ReportOptions())["verdict"])
     assert "Movement cannot be judged" in said
     assert "No zone" not in said
+
+
+def test_a_dent_measured_once_is_not_called_stable(small: Path, tmp_path: Path) -> None:
+    shutil.copytree(small, tmp_path / "copy")
+    table = store.read_table(small / "tables" / "dents.csv", "dents")
+    once = table[table.dent_id == "D01"].iloc[:1].assign(status="stable", depth_change_m=np.nan)
+    store.write_table(once, tmp_path / "copy" / "tables" / "dents.csv", "dents")
+    dents = build_context(read_content(tmp_path / "copy"), ReportOptions())["dents"]
+    assert [dent["status"] for dent in dents] == ["first measured"]
 
 
 def test_progress_rises_to_one(small: Path) -> None:
