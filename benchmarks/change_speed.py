@@ -55,14 +55,15 @@ def curvature(samples: int) -> None:
     for k in range(2):
         values = {"curvature_horizontal": np.tile(noise[k], fill), "curvature_horizontal_sigma": np.full(samples, 1e-4)}
         layers.append(Layer(f"r{k}", 0.0, np.empty(0), np.zeros(samples), np.empty(0), values, 2.0, 0.3))
-    classes, stable = np.full(samples, -1), np.ones(samples, bool)
+    speeds = np.full(samples, 20, np.uint8), np.full(samples, 24, np.uint8)
+    stable = np.ones(samples, bool)
     small = [
         Layer(r.run, 0.0, np.empty(0), np.zeros(10_000), np.empty(0), {n: v[:10_000] for n, v in r.values.items()}, 2.0, 0.3)
         for r in layers
     ]
-    curvature_change(small[0], small[1], "horizontal", 0.1, classes[:10_000], stable[:10_000])
+    curvature_change(small[0], small[1], "horizontal", 0.1, (speeds[0][:10_000], speeds[1][:10_000]), stable[:10_000])
     start = time.perf_counter()
-    curvature_change(layers[0], layers[1], "horizontal", 0.1, classes, stable)
+    curvature_change(layers[0], layers[1], "horizontal", 0.1, speeds, stable)
     print(f"change of curvature with sigma, {samples:.0e} samples: {time.perf_counter() - start:.2f} s")
 
 

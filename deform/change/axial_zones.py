@@ -127,10 +127,23 @@ def _stretches(elongation: Elongation, options: ChangeOptions) -> list[tuple]:
         if any(i < b and i + strings.count > a for a, b in taken):
             continue
         taken.append((i, i + strings.count))
-        last = i + strings.count
+        first, last = _shortest(elongation, i, strings)
         end = elongation.begin[last] if last < elongation.begin.size else elongation.begin[-1]
-        found.append((elongation.begin[i], end, float(strings.change[i]), strings.sigma, strings.count, top, strings.limit))
+        found.append((elongation.begin[first], end, float(strings.change[i]), strings.sigma, last - first, top, strings.limit))
     return found
+
+
+def _shortest(elongation: Elongation, first: int, strings: Strings) -> tuple[int, int]:
+    """The shortest string within a string that holds its change but for one sigma: longer ones tell the same and lie wider."""
+    total = float(strings.change[first])
+    least = abs(total) - strings.sigma
+    summed = np.concatenate([[0.0], np.cumsum(elongation.change[first : first + strings.count])]) * np.sign(total)
+    for count in range(2, strings.count):
+        held = summed[count:] - summed[:-count]
+        if held.max() >= least:
+            begin = first + int(np.argmax(held))
+            return begin, begin + count
+    return first, first + strings.count
 
 
 def _shared(change: Floats, strings: Strings) -> bool:

@@ -146,10 +146,9 @@ def speed_noise(values: Floats, reference_step: Floats, other_step: Floats, stab
     first, second = (whole**2 * table for table in _tables(*steps, values[good] / whole))
     floors = {-1: whole}
     for number in np.unique(_CLASS_OF[np.concatenate(steps)]):
-        own = np.flatnonzero(number == _CLASS_OF)
-        if number >= 0 and min(np.isin(part, own).sum() for part in steps) > max(_LEAST_SHARE * good.sum(), 50):
-            middle = own[own.size // 2]
-            floors[int(number)] = float(np.sqrt(first[middle] + second[middle]))
+        own = [part[_CLASS_OF[part] == number] for part in steps]
+        if number >= 0 and min(part.size for part in own) > max(_LEAST_SHARE * good.sum(), 50):
+            floors[int(number)] = float(np.sqrt(first[own[0]].mean() + second[own[1]].mean()))
     return SpeedNoise(first, second, floors)
 
 
