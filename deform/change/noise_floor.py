@@ -24,6 +24,7 @@ _KNOT_STEPS = 3.0  # steps between the knots of the noise over the speed
 _WIDEST_TAIL = 2.0
 _SAMPLE = 300_000  # places that a floor is learned from, at most
 _LEAN = 0.02  # weight of an even share, in parts of that of all cells
+_LEAST_PART = 0.5  # of the variance of the quietest twentieth of the pipe: no speeds are quieter than that
 _TAILS = (0.9, 0.97, 0.99, 0.997, 0.999)
 _LEAST_BEYOND = 8.0  # independent values beyond a quantile that may widen a sigma
 
@@ -132,8 +133,9 @@ def speed_noise(values: Floats, reference_step: Floats, other_step: Floats, stab
     Notes
     -----
     The pipe is cut into cells of equal speeds of both runs (quantiles of each). The squared `spread` of each cell is the sum of
-    one function of the speed per run, a broken line in the logarithm of the speed (non-negative least squares, weighted by the
-    number of places). Where the speeds are not known the whole is shared evenly.
+    one function of the speed per run, a broken line in the logarithm of the speed (least squares weighted by the number of
+    places; the sum is nowhere below half the variance of the quietest twentieth of the pipe, so that a pair of speeds that few
+    places have cannot be taken for free of noise). Where the speeds are not known the whole is shared evenly.
     """
     some = slice(None, None, max(values.size // _SAMPLE, 1))
     values, reference_step, other_step, stable = (part[some] for part in (values, reference_step, other_step, stable))
@@ -154,24 +156,35 @@ def speed_noise(values: Floats, reference_step: Floats, other_step: Floats, stab
 
 def _tables(a: Floats, b: Floats, v: Floats) -> tuple[Floats, Floats]:
     """Variance at every speed step of each run, the whole being one."""
-    cells = [(_cells_of(part), part) for part in (a, b)]
+    cells = [_cells_of(part) for part in (a, b)]
     hats = [_hats(part) for part in (a, b)]
-    number = cells[0][0] * (_CELLS + 1) + cells[1][0]
+    number = cells[0] * (_CELLS + 1) + cells[1]
+    members = [np.flatnonzero(number == cell) for cell in np.unique(number)]
+    squares = np.array([spread(v[chosen]) ** 2 for chosen in members])
+    known = np.flatnonzero(np.isfinite(squares) & (squares > 0))
+    sizes = np.array([float(members[k].size) for k in known])
+    least = _LEAST_PART * _low_end(squares[known], sizes)
     rows, right = [], []
-    for cell in np.unique(number):
-        chosen = number == cell
-        square = spread(v[chosen]) ** 2
-        if np.isfinite(square) and square > 0:
-            row = np.concatenate([hats[k][part[chosen]].mean(axis=0) for k, part in enumerate((a, b))])
-            rows.append(np.sqrt(chosen.sum()) * row / square)
-            right.append(np.sqrt(chosen.sum()))
-    size = hats[0].shape[1] + hats[1].shape[1]
-    for k in range(size):  # what the cells leave open is shared evenly
-        rows.append(_LEAN * np.sqrt(v.size) * np.eye(size)[k])
-        right.append(_LEAN * np.sqrt(v.size) * 0.5)
+    for k, size in zip(known, sizes, strict=True):
+        row = np.concatenate([hats[m][part[members[k]]].mean(axis=0) for m, part in enumerate((a, b))])
+        rows.append(np.sqrt(size) * row / squares[k])
+        right.append(np.sqrt(size) * max(squares[k] - least, 0.0) / squares[k])
+    width = hats[0].shape[1] + hats[1].shape[1]
+    for row in np.eye(width):  # what the cells leave open is shared evenly
+        rows.append(_LEAN * np.sqrt(v.size) * row)
+        right.append(_LEAN * np.sqrt(v.size) * 0.5 * (1.0 - least))
     solution, _ = nnls(np.array(rows), np.array(right))
     split = hats[0].shape[1]
-    return hats[0] @ solution[:split], hats[1] @ solution[split:]
+    return 0.5 * least + hats[0] @ solution[:split], 0.5 * least + hats[1] @ solution[split:]
+
+
+def _low_end(squares: Floats, sizes: Floats) -> float:
+    """Variance of the cell at a twentieth of the pipe, the quietest first; at most one, the variance of the whole."""
+    if not squares.size:
+        return 0.0
+    order = np.argsort(squares)
+    held = np.cumsum(sizes[order])
+    return float(min(squares[order][np.searchsorted(held, 0.05 * held[-1])], 1.0))
 
 
 def _cells_of(step: Floats) -> Floats:

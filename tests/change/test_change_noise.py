@@ -45,6 +45,17 @@ def test_floor_between_two_speeds_lies_between_their_floors():
     assert np.median(np.abs(got / speed - 1.0)[middle]) < 0.06
 
 
+def test_no_pair_of_speeds_is_taken_for_free_of_noise():
+    rng = np.random.default_rng(10)
+    n = 20000
+    speed = np.exp(rng.normal(0.0, 0.3, (2, n)))
+    values = rng.standard_normal(n) * np.where(speed[0] * speed[1] > 1.3, 6.0, 1.0)
+    steps = speed_step(speed[0], n), speed_step(speed[1], n)
+    noise = speed_noise(values, *steps, np.ones(n, bool))
+    every = np.add.outer(noise.reference, noise.other)
+    assert every.min() > 0.3
+
+
 def test_unknown_speeds_share_one_floor():
     values = 2.0 * np.random.default_rng(6).standard_normal(20000)
     unknown = np.full(values.size, SPEEDS, np.uint8)
