@@ -72,5 +72,11 @@ def test_one_weld_set_wrong_is_no_strain_however_far():
         assert not axial_zones(joints({"r2022": growth})[1], "r2013", RUNS, DAYS, ChangeOptions())
 
 
+def test_chainage_that_a_slip_carried_off_and_the_next_joint_gave_back_is_no_strain():
+    slipped = np.zeros(900)
+    slipped[300:303] = -0.05, -0.05, 0.1
+    assert not axial_zones(joints({"r2022": slipped})[1], "r2013", RUNS, DAYS, ChangeOptions())
+
+
 def test_no_joints_make_no_zones():
     assert axial_zones(None, "r2013", RUNS, DAYS, ChangeOptions()) == []
