@@ -89,11 +89,11 @@ def axial_zones(
 
     Notes
     -----
-    Strings of 2 to 32 joints, each against the spread of all strings of so many joints of the pair, with the threshold raised for
-    heavy tails (`noise_floor.tail_factor`). One joint proves nothing: a weld set wrong or a slip of the odometer changes one or
-    two joints, so a good part must stay when the joint that tells most is left out; and where the one or two joints beside a string
-    give back half of its change, a stretch of chainage lay wrong, as after a slip, and no steel has stretched. What grows over more than some 50 joints is
-    taken for scale of the odometers by the matching, and is not seen.
+    Strings of 2 to 32 joints, each against the spread of all strings of so many joints of the pair, with the threshold raised
+    for heavy tails (`noise_floor.tail_factor`). One joint proves nothing: a weld set wrong or a slip of the odometer changes
+    one or two joints, so a good part must stay when the joint that tells most is left out; and where the one or two joints
+    beside a string give back half of its change, a stretch of chainage lay wrong, as after a slip, and no steel has stretched.
+    What grows over more than some 50 joints is taken for scale of the odometers by the matching, and is not seen.
     """
     if joints is None or not len(joints):
         return []

@@ -21,6 +21,7 @@ _FLANK = 1.0  # of a wavelength: pipe on either side that serves as the local da
 _TAPS = 32  # nodes over one wavelength, at most
 _LOOKS = 3.0  # independent amplitudes per wavelength of pipe
 _LEAST_BENT = 20  # places in bends that tell how far the two runs are shifted against each other along the pipe
+_LEAST_WEIGHT = 0.02  # of that on straight pipe, below which curvature says nothing of a wave
 _WIDEST = 0.5  # of the line: longer waves are no longer told from the drift of the runs
 
 
@@ -200,11 +201,12 @@ def _middle(values: Floats) -> float:
 
 
 def _rougher(formal: Floats, free: Floats) -> Floats:
-    """By how much the curvature is worse known at each place than usual (m, 2), 1 at least and where curvature is not known: in
-    bends and at bad speeds. The path is that curvature summed twice, and over one wave is worse there by as much.
+    """By how much the curvature is worse known at each place than usual (m, 2), 1 at least: in bends and at bad speeds. The path
+    is that curvature summed twice, and over one wave is worse there by as much. 1 everywhere in runs without curvature.
     """
     usual = np.array([_middle(column[free]) for column in formal.T])
-    return np.fmax(np.nan_to_num(formal / usual, nan=1.0), 1.0)
+    worst = _LEAST_WEIGHT**-0.5
+    return np.where(np.isfinite(usual), np.clip(np.nan_to_num(formal / usual, nan=worst), 1.0, worst), 1.0)
 
 
 def _position_sigma(position: Floats, shifted: Floats, free: Floats, axial: float) -> Floats:
@@ -270,7 +272,7 @@ def _from_curvature(signals: Signals, length: float, size: int, count: int) -> t
         bottom = np.maximum(fftconvolve(each, shape**2, mode="same")[centre], 0.0)
         full = np.sum(shape**2) * np.median(each[known]) if known.any() else np.inf
         with np.errstate(invalid="ignore", divide="ignore"):
-            weight[:, m] = np.where(bottom > 0.02 * full, bottom, np.nan)
+            weight[:, m] = np.where(bottom > _LEAST_WEIGHT * full, bottom, np.nan)
             amplitude[:, m] = top / weight[:, m]
     return amplitude, weight
 
