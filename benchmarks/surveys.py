@@ -39,7 +39,9 @@ def main() -> None:
             findings = judged(name, Path(place))
         barred = [f for f in findings if f["result"] in ("ok", "SHORT")]
         short = [f for f in barred if f["result"] == "SHORT" and f["section"] != "reports"]
-        print(f"{name}: {len(barred) - len(short)} of {len(barred)} bars of the demonstration met, {time.process_time() - start:.0f} s")
+        print(
+            f"{name}: {len(barred) - len(short)} of {len(barred)} bars of the demonstration met, {time.process_time() - start:.0f} s"
+        )
         for f in short:
             print(f"  {f['section']:11s} {f['scope']:18s} {f['metric']:40s} {f['value']!s:22.22s} bar {f['bar']} {f['note']}")
 
