@@ -120,7 +120,9 @@ def _stretches(elongation: Elongation, options: ChangeOptions) -> list[tuple]:
     for strings in strings_of(elongation, options.false_alarms_per_100_km):
         score = (strings.change / (strings.sigma * strings.caution)) ** 2
         high = np.flatnonzero(np.nan_to_num(score) > strings.limit)
-        shared = [i for i in high if _shared(elongation.change[i : i + strings.count], strings) and _kept(elongation, i, strings)]
+        shared = [
+            i for i in high if _shared(elongation.change[i : i + strings.count], strings) and _kept(elongation, int(i), strings)
+        ]
         rows += [(float(score[i]), int(i), strings) for i in shared]
     rows.sort(key=lambda row: -row[0])
     taken: list[tuple[int, int]] = []
