@@ -134,8 +134,9 @@ def speed_noise(values: Floats, reference_step: Floats, other_step: Floats, stab
     -----
     The pipe is cut into cells of equal speeds of both runs (quantiles of each). The squared `spread` of each cell is the sum of
     one function of the speed per run, a broken line in the logarithm of the speed (least squares weighted by the number of
-    places; the sum is nowhere below half the variance of the quietest twentieth of the pipe, so that a pair of speeds that few
-    places have cannot be taken for free of noise). Where the speeds are not known the whole is shared evenly.
+    places; the sum is nowhere below half the variance of the quietest twentieth of the pipe, and no part above twice that of
+    the noisiest, so that a pair of speeds that few places have is taken neither for free of noise nor for worth nothing). Where
+    the speeds are not known the whole is shared evenly.
     """
     some = slice(None, None, max(values.size // _SAMPLE, 1))
     values, reference_step, other_step, stable = (part[some] for part in (values, reference_step, other_step, stable))
@@ -163,7 +164,9 @@ def _tables(a: Floats, b: Floats, v: Floats) -> tuple[Floats, Floats]:
     squares = np.array([spread(v[chosen]) ** 2 for chosen in members])
     known = np.flatnonzero(np.isfinite(squares) & (squares > 0))
     sizes = np.array([float(members[k].size) for k in known])
-    least = _LEAST_PART * _low_end(squares[known], sizes)
+    low, high = _ends(squares[known], sizes)
+    least, most = _LEAST_PART * min(low, 1.0), high / _LEAST_PART
+    squares = np.minimum(squares, most)
     rows, right = [], []
     for k, size in zip(known, sizes, strict=True):
         row = np.concatenate([hats[m][part[members[k]]].mean(axis=0) for m, part in enumerate((a, b))])
@@ -175,16 +178,17 @@ def _tables(a: Floats, b: Floats, v: Floats) -> tuple[Floats, Floats]:
         right.append(_LEAN * np.sqrt(v.size) * 0.5 * (1.0 - least))
     solution, _ = nnls(np.array(rows), np.array(right))
     split = hats[0].shape[1]
-    return 0.5 * least + hats[0] @ solution[:split], 0.5 * least + hats[1] @ solution[split:]
+    parts = hats[0] @ solution[:split], hats[1] @ solution[split:]
+    return 0.5 * least + np.minimum(parts[0], most), 0.5 * least + np.minimum(parts[1], most)
 
 
-def _low_end(squares: Floats, sizes: Floats) -> float:
-    """Variance of the cell at a twentieth of the pipe, the quietest first; at most one, the variance of the whole."""
+def _ends(squares: Floats, sizes: Floats) -> tuple[float, float]:
+    """Variances of the cells at a twentieth and at nineteen twentieths of the pipe, the quietest first."""
     if not squares.size:
-        return 0.0
+        return 0.0, 1.0
     order = np.argsort(squares)
-    held = np.cumsum(sizes[order])
-    return float(min(squares[order][np.searchsorted(held, 0.05 * held[-1])], 1.0))
+    held = np.cumsum(sizes[order]) / sizes.sum()
+    return tuple(float(squares[order][np.searchsorted(held, part - 1e-9)]) for part in (0.05, 0.95))
 
 
 def _cells_of(step: Floats) -> Floats:
