@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from deform.options import Options
 from deform.run import build
 from deform.run.raw import RawRun
 from deform.survey_file import RunEntry
+
+log = logging.getLogger(__name__)
 
 
 def process(
@@ -71,11 +74,14 @@ def process_raw(
     from deform.caliper.measure import measure, on_chainage
     from deform.nav.navigate import navigate
     from deform.nav.trajectory import centreline
+    from deform.readers.control_check import datum_remark
     from deform.strain.bending import add_bending
     from deform.strain.dent import add_dent_strain
 
     tick = progress or (lambda fraction: None)
     pipe = raw.header.pipe
+    if remark := datum_remark(control, raw.passages, raw.header.id):
+        log.warning("%s", remark)
     navigation = navigate(raw, options.navigation, control=control, progress=lambda f: tick(0.6 * f))
     caliper = measure(raw, navigation.trajectory, options.caliper, progress=lambda f: tick(0.6 + 0.3 * f))
     line = centreline(navigation, raw.header, options.navigation, pose=caliper.pose)

@@ -17,6 +17,7 @@ from deform.options import ChangeOptions
 Floats = NDArray[Any]
 _COUNTS = (2, 3, 4, 6, 8, 12, 16, 24, 32)
 _SHARED = 0.4  # least part of an elongation that must stay when the joint that tells most is left out
+_BESIDE = 2  # joints on either side that must not give back what a string has gained
 _LOOKS = 2.0  # independent strings per string length
 
 
@@ -88,10 +89,11 @@ def axial_zones(
 
     Notes
     -----
-    Strings of 2 to 32 joints, each against the spread of all strings of so many joints of the pair, with the threshold raised for
-    heavy tails (`noise_floor.tail_factor`). One joint proves nothing: a weld set wrong or a slip of the odometer changes one or
-    two joints, so a good part must stay when the joint that tells most is left out. What grows over more than some 50 joints is
-    taken for scale of the odometers by the matching, and is not seen.
+    Strings of 2 to 32 joints, each against the spread of all strings of so many joints of the pair, with the threshold raised
+    for heavy tails (`noise_floor.tail_factor`). One joint proves nothing: a weld set wrong or a slip of the odometer changes
+    one or two joints, so a good part must stay when the joint that tells most is left out; and where the one or two joints
+    beside a string give back half of its change, a stretch of chainage lay wrong, as after a slip, and no steel has stretched.
+    What grows over more than some 50 joints is taken for scale of the odometers by the matching, and is not seen.
     """
     if joints is None or not len(joints):
         return []
@@ -118,7 +120,9 @@ def _stretches(elongation: Elongation, options: ChangeOptions) -> list[tuple]:
     for strings in strings_of(elongation, options.false_alarms_per_100_km):
         score = (strings.change / (strings.sigma * strings.caution)) ** 2
         high = np.flatnonzero(np.nan_to_num(score) > strings.limit)
-        shared = [i for i in high if _shared(elongation.change[i : i + strings.count], strings)]
+        shared = [
+            i for i in high if _shared(elongation.change[i : i + strings.count], strings) and _kept(elongation, int(i), strings)
+        ]
         rows += [(float(score[i]), int(i), strings) for i in shared]
     rows.sort(key=lambda row: -row[0])
     taken: list[tuple[int, int]] = []
@@ -127,10 +131,23 @@ def _stretches(elongation: Elongation, options: ChangeOptions) -> list[tuple]:
         if any(i < b and i + strings.count > a for a, b in taken):
             continue
         taken.append((i, i + strings.count))
-        last = i + strings.count
+        first, last = _shortest(elongation, i, strings)
         end = elongation.begin[last] if last < elongation.begin.size else elongation.begin[-1]
-        found.append((elongation.begin[i], end, float(strings.change[i]), strings.sigma, strings.count, top, strings.limit))
+        found.append((elongation.begin[first], end, float(strings.change[i]), strings.sigma, last - first, top, strings.limit))
     return found
+
+
+def _shortest(elongation: Elongation, first: int, strings: Strings) -> tuple[int, int]:
+    """The shortest string within a string that holds its change but for one sigma: longer ones tell the same and lie wider."""
+    total = float(strings.change[first])
+    least = abs(total) - strings.sigma
+    summed = np.concatenate([[0.0], np.cumsum(elongation.change[first : first + strings.count])]) * np.sign(total)
+    for count in range(2, strings.count):
+        held = summed[count:] - summed[:-count]
+        if held.max() >= least:
+            begin = first + int(np.argmax(held))
+            return begin, begin + count
+    return first, first + strings.count
 
 
 def _shared(change: Floats, strings: Strings) -> bool:
@@ -138,6 +155,17 @@ def _shared(change: Floats, strings: Strings) -> bool:
     total = float(change.sum())
     rest = total - float(change[np.argmax(change * np.sign(total))])
     return rest * np.sign(total) > max(_SHARED * abs(total), 2.0 * strings.sigma)
+
+
+def _kept(elongation: Elongation, first: int, strings: Strings) -> bool:
+    """True when the joints beside a string do not give back half of its change."""
+    total = float(strings.change[first])
+    last = first + strings.count
+    with np.errstate(invalid="ignore"):
+        before = np.nancumsum(elongation.change[max(first - _BESIDE, 0) : first][::-1])
+        after = np.nancumsum(elongation.change[last : last + _BESIDE])
+    beside = np.add.outer(np.append(0.0, before), np.append(0.0, after)) * np.sign(total)
+    return bool(beside.min() > -0.5 * abs(total))
 
 
 def _distinct(zones: list[AxialZone]) -> list[AxialZone]:

@@ -24,6 +24,7 @@ _KNOT_STEPS = 3.0  # steps between the knots of the noise over the speed
 _WIDEST_TAIL = 2.0
 _SAMPLE = 300_000  # places that a floor is learned from, at most
 _LEAN = 0.02  # weight of an even share, in parts of that of all cells
+_LEAST_PART = 0.5  # of the variance of the quietest twentieth of the pipe: no speeds are quieter than that
 _TAILS = (0.9, 0.97, 0.99, 0.997, 0.999)
 _LEAST_BEYOND = 8.0  # independent values beyond a quantile that may widen a sigma
 
@@ -132,8 +133,10 @@ def speed_noise(values: Floats, reference_step: Floats, other_step: Floats, stab
     Notes
     -----
     The pipe is cut into cells of equal speeds of both runs (quantiles of each). The squared `spread` of each cell is the sum of
-    one function of the speed per run, a broken line in the logarithm of the speed (non-negative least squares, weighted by the
-    number of places). Where the speeds are not known the whole is shared evenly.
+    one function of the speed per run, a broken line in the logarithm of the speed (least squares weighted by the number of
+    places; the sum is nowhere below half the variance of the quietest twentieth of the pipe, and no part above twice that of
+    the noisiest, so that a pair of speeds that few places have is taken neither for free of noise nor for worth nothing). Where
+    the speeds are not known the whole is shared evenly.
     """
     some = slice(None, None, max(values.size // _SAMPLE, 1))
     values, reference_step, other_step, stable = (part[some] for part in (values, reference_step, other_step, stable))
@@ -146,33 +149,47 @@ def speed_noise(values: Floats, reference_step: Floats, other_step: Floats, stab
     first, second = (whole**2 * table for table in _tables(*steps, values[good] / whole))
     floors = {-1: whole}
     for number in np.unique(_CLASS_OF[np.concatenate(steps)]):
-        own = np.flatnonzero(number == _CLASS_OF)
-        if number >= 0 and min(np.isin(part, own).sum() for part in steps) > max(_LEAST_SHARE * good.sum(), 50):
-            middle = own[own.size // 2]
-            floors[int(number)] = float(np.sqrt(first[middle] + second[middle]))
+        own = [part[_CLASS_OF[part] == number] for part in steps]
+        if number >= 0 and min(part.size for part in own) > max(_LEAST_SHARE * good.sum(), 50):
+            floors[int(number)] = float(np.sqrt(first[own[0]].mean() + second[own[1]].mean()))
     return SpeedNoise(first, second, floors)
 
 
 def _tables(a: Floats, b: Floats, v: Floats) -> tuple[Floats, Floats]:
     """Variance at every speed step of each run, the whole being one."""
-    cells = [(_cells_of(part), part) for part in (a, b)]
+    cells = [_cells_of(part) for part in (a, b)]
     hats = [_hats(part) for part in (a, b)]
-    number = cells[0][0] * (_CELLS + 1) + cells[1][0]
+    number = cells[0] * (_CELLS + 1) + cells[1]
+    members = [np.flatnonzero(number == cell) for cell in np.unique(number)]
+    squares = np.array([spread(v[chosen]) ** 2 for chosen in members])
+    known = np.flatnonzero(np.isfinite(squares) & (squares > 0))
+    sizes = np.array([float(members[k].size) for k in known])
+    low, high = _ends(squares[known], sizes)
+    least, most = _LEAST_PART * min(low, 1.0), high / _LEAST_PART
+    squares = np.minimum(squares, most)
     rows, right = [], []
-    for cell in np.unique(number):
-        chosen = number == cell
-        square = spread(v[chosen]) ** 2
-        if np.isfinite(square) and square > 0:
-            row = np.concatenate([hats[k][part[chosen]].mean(axis=0) for k, part in enumerate((a, b))])
-            rows.append(np.sqrt(chosen.sum()) * row / square)
-            right.append(np.sqrt(chosen.sum()))
-    size = hats[0].shape[1] + hats[1].shape[1]
-    for k in range(size):  # what the cells leave open is shared evenly
-        rows.append(_LEAN * np.sqrt(v.size) * np.eye(size)[k])
-        right.append(_LEAN * np.sqrt(v.size) * 0.5)
+    for k, size in zip(known, sizes, strict=True):
+        row = np.concatenate([hats[m][part[members[k]]].mean(axis=0) for m, part in enumerate((a, b))])
+        rows.append(np.sqrt(size) * row / squares[k])
+        right.append(np.sqrt(size) * max(squares[k] - least, 0.0) / squares[k])
+    width = hats[0].shape[1] + hats[1].shape[1]
+    for row in np.eye(width):  # what the cells leave open is shared evenly
+        rows.append(_LEAN * np.sqrt(v.size) * row)
+        right.append(_LEAN * np.sqrt(v.size) * 0.5 * (1.0 - least))
     solution, _ = nnls(np.array(rows), np.array(right))
     split = hats[0].shape[1]
-    return hats[0] @ solution[:split], hats[1] @ solution[split:]
+    parts = hats[0] @ solution[:split], hats[1] @ solution[split:]
+    return 0.5 * least + np.minimum(parts[0], most), 0.5 * least + np.minimum(parts[1], most)
+
+
+def _ends(squares: Floats, sizes: Floats) -> tuple[float, float]:
+    """Variances of the cells at a twentieth and at nineteen twentieths of the pipe, the quietest first."""
+    if not squares.size:
+        return 0.0, 1.0
+    order = np.argsort(squares)
+    held = np.cumsum(sizes[order]) / sizes.sum()
+    low, high = (float(squares[order][np.searchsorted(held, part - 1e-9)]) for part in (0.05, 0.95))
+    return low, high
 
 
 def _cells_of(step: Floats) -> Floats:

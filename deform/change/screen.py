@@ -138,7 +138,7 @@ def _least_seen(folder: Path) -> float:
     if not path.exists():
         return float("nan")
     limits = store.read_table(path, "limits")
-    limits = limits[limits["wavelength_m"].notna()]
+    limits = limits[limits["limit_displacement_m"].notna()]
     if not len(limits):
         return float("nan")
     near = limits.loc[(np.log(limits["wavelength_m"] / 60.0)).abs().sort_values().index, "wavelength_m"].iloc[0]

@@ -71,11 +71,12 @@ def run_day(run: xr.DataTree) -> float:
 
 
 def day_of(date: Any) -> float:
-    """Days since 1970 of a date as text."""
+    """Days since 1970 of a date as text, NaN when it is none."""
     try:
-        return float(np.datetime64(str(date)[:10], "D").astype(int))
+        day = np.datetime64(str(date)[:10], "D")
     except ValueError:
         return float("nan")
+    return float("nan") if np.isnat(day) else float(day.astype(int))
 
 
 def reference_axis(run: xr.DataTree, step: float) -> Floats:

@@ -12,7 +12,7 @@ from scipy.signal import fftconvolve
 
 from deform.change import _kernels
 from deform.change.datum import DriftModel
-from deform.change.noise_floor import few_looks_factor, tail_factor
+from deform.change.noise_floor import few_looks_factor, spread, tail_factor
 from deform.geometry.resample import robust_sigma
 
 Floats = NDArray[Any]
@@ -20,6 +20,8 @@ COMPONENTS = ("lateral", "up")
 _FLANK = 1.0  # of a wavelength: pipe on either side that serves as the local datum
 _TAPS = 32  # nodes over one wavelength, at most
 _LOOKS = 3.0  # independent amplitudes per wavelength of pipe
+_LEAST_BENT = 20  # places in bends that tell how far the two runs are shifted against each other along the pipe
+_LEAST_WEIGHT = 0.02  # of that on straight pipe, below which curvature says nothing of a wave
 _WIDEST = 0.5  # of the line: longer waves are no longer told from the drift of the runs
 
 
@@ -169,12 +171,13 @@ def _wave(signals: Signals, model: DriftModel, length: float, quiet: Floats, rea
     node = np.empty((count, columns.shape[1]))
     _kernels.block_means(columns, size, node)
     at, still = node[:, 9], node[:, 10] > 0.99
-    position = _from_position(node, model, length, step)
+    position, shifted = _from_position(node, model, length, step)
     curvature, weight = _from_curvature(signals, length, size, count)
     free = still & ~_near(~still, round(0.5 * length / step))
-    position_sigma = np.column_stack([np.full(count, _spread(position[:, m], free)) for m in range(2)])
     with np.errstate(invalid="ignore", divide="ignore"):
         formal = 1.0 / np.sqrt(weight)
+        position_sigma = _position_sigma(position / _rougher(formal, free), shifted, free, np.sqrt(model.noise[2]))
+        position_sigma = position_sigma * _rougher(formal, free)
         curvature_sigma = formal * [_spread(curvature[:, m] / formal[:, m], free) for m in range(2)]
         known_p, known_c = (
             np.isfinite(a) & np.isfinite(s) for a, s in ((position, position_sigma), (curvature, curvature_sigma))
@@ -197,28 +200,59 @@ def _middle(values: Floats) -> float:
     return float(np.median(known)) if known.size else float("nan")
 
 
-def _from_position(node: Floats, model: DriftModel, length: float, step: float) -> Floats:
-    """Amplitudes (m, 2) from positions; NaN within 1.5 wavelengths of unknown pipe."""
-    out = np.full((len(node), 2), np.nan)
+def _rougher(formal: Floats, free: Floats) -> Floats:
+    """By how much the curvature is worse known at each place than usual (m, 2), 1 at least: in bends and at bad speeds. The path
+    is that curvature summed twice, and over one wave is worse there by as much. 1 everywhere in runs without curvature.
+    """
+    usual = np.array([_middle(column[free]) for column in formal.T])
+    worst = _LEAST_WEIGHT**-0.5
+    return np.where(np.isfinite(usual), np.clip(np.nan_to_num(formal / usual, nan=worst), 1.0, worst), 1.0)
+
+
+def _position_sigma(position: Floats, shifted: Floats, free: Floats, axial: float) -> Floats:
+    """Sigma (m, 2) of amplitudes from positions: their scatter on straight pipe, and what a shift along the pipe makes in bends.
+
+    ``shifted`` (m, 2) is the amplitude that a shift of one metre looks like, ``axial`` (m) the least sigma of such a shift. In a
+    bend a metre along the pipe of one run is a metre across the other: what lies a little wrong along the pipe looks moved there.
+    """
+    out = np.full(position.shape, np.nan)
+    for m in range(2):
+        straight = _spread(position[:, m], free & (np.abs(shifted[:, m]) * axial < 0.3 * _spread(position[:, m], free)))
+        bent = free & np.isfinite(position[:, m]) & (np.abs(shifted[:, m]) * axial > 0.5 * straight)
+        shift = axial
+        if bent.sum() >= _LEAST_BENT:
+            ratio = position[bent, m] / shifted[bent, m]
+            seen = spread(ratio) ** 2 - float(np.median((straight / shifted[bent, m]) ** 2))
+            shift = max(axial, np.sqrt(max(seen, 0.0)))
+        out[:, m] = np.hypot(straight, shift * shifted[:, m])
+    return out
+
+
+def _from_position(node: Floats, model: DriftModel, length: float, step: float) -> tuple[Floats, Floats]:
+    """Amplitudes (m, 2) from positions, NaN within 1.5 wavelengths of unknown pipe, and those that a shift of both runs against
+    each other of one metre along the pipe would show.
+    """
+    out, shifted = np.full((len(node), 2), np.nan), np.full((len(node), 2), np.nan)
     value = node[:, :3]
     if not np.isfinite(value).any():
-        return out
+        return out, shifted
     unknown = np.asarray(~np.isfinite(value).all(axis=1))
-    filled = np.nan_to_num(value)
+    right = node[:, 3:6] / np.maximum(np.linalg.norm(node[:, 3:6], axis=1, keepdims=True), 1e-9)
+    filled = np.column_stack([np.nan_to_num(value), np.nan_to_num(np.cross(node[:, 6:9], right))])
     found = []
     for walk, noise in ((model.walk[0], model.noise[0]), (model.walk[1], model.noise[1])):
         weights = position_weights(length, step, walk, noise * model.step / step)
         if weights.size > len(node):
-            return out
-        found.append(np.column_stack([fftconvolve(filled[:, m], weights[::-1], mode="same") for m in range(3)]))
+            return out, shifted
+        found.append(np.column_stack([fftconvolve(filled[:, m], weights[::-1], mode="same") for m in range(6)]))
     half = weights.size // 2
     unknown[:1] = unknown[-1:] = True
     gone = _near(unknown, half)
-    right = node[:, 3:6] / np.maximum(np.linalg.norm(node[:, 3:6], axis=1, keepdims=True), 1e-9)
-    out[:, 0] = np.einsum("ij,ij->i", found[0], right)
-    out[:, 1] = np.einsum("ij,ij->i", found[1], node[:, 6:9])
-    out[gone] = np.nan
-    return out
+    for into, columns in ((out, slice(0, 3)), (shifted, slice(3, 6))):
+        into[:, 0] = np.einsum("ij,ij->i", found[0][:, columns], right)
+        into[:, 1] = np.einsum("ij,ij->i", found[1][:, columns], node[:, 6:9])
+        into[gone] = np.nan
+    return out, shifted
 
 
 def _from_curvature(signals: Signals, length: float, size: int, count: int) -> tuple[Floats, Floats]:
@@ -238,7 +272,7 @@ def _from_curvature(signals: Signals, length: float, size: int, count: int) -> t
         bottom = np.maximum(fftconvolve(each, shape**2, mode="same")[centre], 0.0)
         full = np.sum(shape**2) * np.median(each[known]) if known.any() else np.inf
         with np.errstate(invalid="ignore", divide="ignore"):
-            weight[:, m] = np.where(bottom > 0.02 * full, bottom, np.nan)
+            weight[:, m] = np.where(bottom > _LEAST_WEIGHT * full, bottom, np.nan)
             amplitude[:, m] = top / weight[:, m]
     return amplitude, weight
 

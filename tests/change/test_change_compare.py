@@ -102,9 +102,12 @@ def test_pipe_that_did_not_move_gets_no_zone_but_a_detection_limit():
     runs = [lines.make_run(line, f"r{k}", f"201{k}-01-01", seed=50 + k) for k in range(2)]
     comparison = compare(runs, lines.identity_matching(runs))
     assert not len(comparison.zones)
-    limits = comparison.limits[comparison.limits.wavelength_m.notna()]
+    limits = comparison.limits[comparison.limits.limit_displacement_m.notna()]
+    assert len(limits) >= 10
     assert (limits.limit_90_displacement_m > limits.limit_displacement_m).all()
     assert limits.limit_displacement_m.between(1e-4, 1.0).all()
+    strings = comparison.limits[comparison.limits.limit_elongation_m.notna()]
+    assert (strings.limit_elongation_m > 4.0 * strings.noise_sigma).all()
 
 
 def test_cut_out_is_a_reconfiguration_and_no_movement():

@@ -7,6 +7,8 @@ import pytest
 
 from deform.errors import InputError
 from deform.readers.control import read_control
+from deform.readers.control_check import datum_remark
+from deform.run import build
 from deform.run.schema import dataset_faults
 
 
@@ -118,3 +120,36 @@ def test_points_of_one_name_and_rows_without_a_place_are_recorded(points):
     control = points(PLAIN + "B,61.06,-121.3,231,0.02,0.03\nC,,,,,\n")
     assert list(control["name"].values) == ["A", "B", "B (2)"]
     assert "1 of 4 rows have no full coordinates, first line 5" in control.attrs["repairs"]
+
+
+def markers_and_control(shift_deg, wrong=0.0, n=5):
+    """Passages of a run, and control points of their names that lie a shift north of them; the first one another bit off."""
+    latitude, longitude = 61.0 + 0.01 * np.arange(n), -121.0 + 0.005 * np.arange(n)
+    names = [f"M{k}" for k in range(n)]
+    sigma = {"height": np.full(n, 230.0), "sigma_horizontal": np.full(n, 0.3), "sigma_vertical": np.full(n, 0.3)}
+    passages = build.dataset(
+        "passages",
+        {"name": names, "kind": ["agm"] * n, "time": np.arange(n) * 1.0, "latitude": latitude, "longitude": longitude, **sigma},
+    )
+    there = latitude + shift_deg
+    there[0] += wrong
+    return passages, build.dataset("control", {"name": names, "latitude": there, "longitude": longitude, **sigma})
+
+
+def test_offset_that_all_control_points_share_is_named_as_another_datum():
+    passages, control = markers_and_control(1e-3)
+    remark = datum_remark(control, passages, "r2019")
+    assert remark.startswith("r2019: the control points lie 0 m east and 111 m north")
+    assert "datum" in remark
+
+
+@pytest.mark.parametrize(("shift", "wrong"), [(0.0, 0.0), (2e-5, 0.0), (0.0, 1e-3)])
+def test_small_offsets_and_one_wrong_point_are_no_datum(shift, wrong):
+    passages, control = markers_and_control(shift, wrong)
+    assert datum_remark(control, passages, "r2019") == ""
+
+
+def test_datum_is_not_judged_from_two_points_or_none():
+    passages, control = markers_and_control(1e-3, n=2)
+    assert datum_remark(control, passages, "r") == ""
+    assert datum_remark(None, passages, "r") == ""
