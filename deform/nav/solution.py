@@ -100,17 +100,36 @@ def _pass(problem: Problem) -> tuple[Filtered, Smoothed]:
 
 
 def _without_gross(problem: Problem, filtered: Filtered, smoothed: Smoothed) -> tuple[Problem, Filtered, Smoothed]:
+    """Drop marks that the other data contradict, the worst first; take back those that agree once the gross ones are out."""
     for _ in range(problem.marks.epoch.size):
-        left_out, sigma, _closed = misclosures(problem.marks, smoothed)
-        size = np.max(np.abs(left_out) / sigma, axis=1, initial=0.0) * (problem.marks.weight > 0.5)
-        worst = int(np.argmax(size)) if size.size else -1
-        if worst < 0 or size[worst] < CONTRADICTED or (problem.marks.weight > 0.5).sum() < 3:
+        worst = _extreme(problem.marks, smoothed, dropped=False)
+        if worst is None or (problem.marks.weight > 0.5).sum() < 3:
             break
-        weight = problem.marks.weight.copy()
-        weight[worst] = NO_WEIGHT
-        problem = replace(problem, marks=problem.marks.weighted(weight))
+        problem = _weighted(problem, worst, NO_WEIGHT)
+        filtered, smoothed = _pass(problem)
+    for _ in range(problem.marks.epoch.size):
+        agrees = _extreme(problem.marks, smoothed, dropped=True)
+        if agrees is None:
+            break
+        problem = _weighted(problem, agrees, 1.0)
         filtered, smoothed = _pass(problem)
     return problem, filtered, smoothed
+
+
+def _extreme(marks: MarkAid, smoothed: Smoothed, *, dropped: bool) -> int | None:
+    """Return the mark in use that is contradicted most, or of those ``dropped`` the one that agrees best; None without any."""
+    left_out, sigma, _ = misclosures(marks, smoothed)
+    size = np.max(np.abs(left_out) / sigma, axis=1, initial=0.0)
+    candidates = (marks.weight <= 0.5) & (size < CONTRADICTED) if dropped else (marks.weight > 0.5) & (size >= CONTRADICTED)
+    if not candidates.any():
+        return None
+    return int(np.argmin(np.where(candidates, size, np.inf)) if dropped else np.argmax(np.where(candidates, size, -np.inf)))
+
+
+def _weighted(problem: Problem, mark: int, factor: float) -> Problem:
+    weight = problem.marks.weight.copy()
+    weight[mark] = factor
+    return replace(problem, marks=problem.marks.weighted(weight))
 
 
 def _restarted(problem: Problem) -> Problem:

@@ -74,7 +74,7 @@ def test_markers_heard_in_the_wrong_order_are_named_and_do_no_harm(demo):
     passages = raw.passages.copy(deep=True)
     time = passages["time"].values
     time[2], time[3] = time[3], time[2]
-    found = navigate(replace(raw, passages=passages), QUICK)
+    found = navigate(replace(raw, passages=passages))
     assert ["contradicted" in remark for remark in found.markers["remark"].values] == [False, False, True, True, False, False]
     assert not found.markers["used"].values[2:4].any()
     inside, largest = honest(found, demo)
