@@ -5,13 +5,16 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench lock clean system
+.PHONY: demo test test-slow check bench lock clean system
 
 demo: $(STAMP)
 	$(BIN)/deform demo demo-out
 
 test: $(STAMP) system
-	$(BIN)/python -m pytest -n auto --dist loadfile --durations=15
+	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile --no-loadscope-reorder --durations=15
+
+test-slow: $(STAMP) system
+	$(BIN)/python -m pytest -m slow -n auto --dist loadfile --no-loadscope-reorder --durations=15
 
 check: $(STAMP)
 	$(BIN)/ruff check .

@@ -34,7 +34,33 @@ def real() -> Path:
     return _folder("data", "real")
 
 
+# What `make test` leaves to `make test-slow`, to stay below a quarter of an hour on two cores: whole runs navigated again in another
+# way, surveys of which a quicker test runs a like one, long statistics. Before a release, and after a change there, run both.
+SLOW = (
+    "tests/test_wheel.py::test_demo_runs_from_the_installed_wheel",
+    "tests/test_survey.py::test_raw_run_and_listing_meet_in_one_survey",
+    "tests/test_survey.py::test_survey_of_one_run_gives_its_inventory_and_no_comparison",
+    "tests/nav/test_bad_input.py",
+    "tests/nav/test_real_drive.py",
+    "tests/nav/test_navigate.py::test_demo_runs_lie_within_three_decimetres[demo-2021]",
+    "tests/nav/test_navigate.py::test_demo_runs_lie_within_three_decimetres[demo-2023]",
+    "tests/nav/test_navigate.py::test_sigmas_of_the_demo_runs_are_honest",
+    "tests/nav/test_navigate.py::test_launch_wrong_by_kilometres_is_not_believed",
+    "tests/nav/test_navigate.py::test_a_gap_of_five_seconds_is_bridged",
+    "tests/nav/test_navigate.py::test_without_markers_the_sigma_stays_open_and_honest",
+    "tests/change/test_change_detection.py::test_false_alarms_stay_below_the_stated_rate",
+    "tests/synthetic/test_closed_loop.py::test_increments_of_faultless_sensors_return_the_route",
+    "tests/caliper/test_real_dent.py",
+    "tests/report/test_page_in_browser.py::test_poorer_folders_make_a_page_without_errors",
+    "tests/report/test_write_report.py::test_an_absent_or_broken_table_is_named_on_the_page",
+    "tests/report/test_write_report.py::test_thousands_of_dents_are_listed_and_a_few_are_drawn",
+)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The long groups first, so that with two workers none of them is left for the end."""
-    long = ("tests/test_wheel.py", "tests/test_survey.py")
+    """Mark the slow tests; the long groups come first, so that with two workers none of them is left for the end."""
+    for item in items:
+        if item.nodeid.startswith(SLOW):
+            item.add_marker(pytest.mark.slow)
+    long = ("tests/test_survey.py", "tests/test_wheel.py")
     items.sort(key=lambda item: next((i for i, name in enumerate(long) if item.nodeid.startswith(name)), len(long)))
