@@ -34,8 +34,8 @@ def real() -> Path:
     return _folder("data", "real")
 
 
-# What `make test` leaves to `make test-slow`, to stay below a quarter of an hour on two cores: whole runs navigated again in another
-# way, surveys of which a quicker test runs a like one, long statistics. Before a release, and after a change there, run both.
+# What `make test` leaves to `make test-slow`, to stay below a quarter of an hour on two cores: whole runs navigated again in
+# another way, surveys of which a quicker test runs a like one, long statistics. Before a release and after a change there, run both.
 SLOW = (
     "tests/test_wheel.py::test_demo_runs_from_the_installed_wheel",
     "tests/test_survey.py::test_raw_run_and_listing_meet_in_one_survey",
