@@ -35,7 +35,7 @@ def real() -> Path:
 
 
 # What `make test` leaves to `make test-slow`, to stay below a quarter of an hour on two cores: whole runs navigated again in
-# another way, surveys of which a quicker test runs a like one, long statistics. Before a release run both, and after a change there.
+# another way, surveys of which a quicker test runs a like one, long statistics. Run both before a release.
 SLOW = (
     "tests/test_wheel.py::test_demo_runs_from_the_installed_wheel",
     "tests/test_survey.py::test_raw_run_and_listing_meet_in_one_survey",
