@@ -56,7 +56,8 @@ SLOW = (
     "tests/synthetic/test_sensors.py::test_dent_is_at_its_clock_and_place_whatever_way_the_tool_runs",
     "tests/caliper/test_real_dent.py",
     "tests/caliper/test_simulated_caliper.py",
-    "tests/report/test_page_in_browser.py::test_poorer_folders_make_a_page_without_errors",
+    "tests/report/test_page_in_browser.py",
+    "tests/report/test_screening.py",
     "tests/report/test_write_report.py::test_an_absent_or_broken_table_is_named_on_the_page",
     "tests/report/test_write_report.py::test_thousands_of_dents_are_listed_and_a_few_are_drawn",
 )
