@@ -41,9 +41,9 @@ def measure(hours: float) -> dict[str, float]:
     learning = np.zeros(2)
     learn = solution.learn
 
-    def timed(problem):
+    def timed(*arguments):
         start = clocks()
-        found = learn(problem)
+        found = learn(*arguments)
         learning[:] += clocks() - start
         return found
 

@@ -64,9 +64,9 @@ SLOW = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the slow tests; the long groups come first, so that with two workers none of them is left for the end."""
+    """Mark the slow tests; put the long survey first, beside what needs no kernels, so that these are compiled once."""
     for item in items:
         if item.nodeid.startswith(SLOW):
             item.add_marker(pytest.mark.slow)
-    long = ("tests/test_survey.py", "tests/test_wheel.py")
-    items.sort(key=lambda item: next((i for i, name in enumerate(long) if item.nodeid.startswith(name)), len(long)))
+    order = ("tests/test_survey.py", "tests/test_wheel.py", "tests/report", "tests/mesh", "tests/readers", "tests/run")
+    items.sort(key=lambda item: next((i for i, name in enumerate(order) if item.nodeid.startswith(name)), len(order)))

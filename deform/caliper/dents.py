@@ -222,7 +222,7 @@ def beside_welds(dents: xr.Dataset, welds: xr.Dataset, ripples: list[Row]) -> xr
             shape[k] = "at weld"
         for r in ripples:
             turn = abs((float(r["clock"]) - clock[k] + 180) % 360 - 180)  # type: ignore[arg-type]  # plain numbers
-            if float(r["chainage"]) < centre < float(r["chainage_end"]) and turn < _APEXES_DEG:  # type: ignore[arg-type]
+            if float(r["chainage"]) < centre < float(r["chainage_end"]) and turn < _APEXES_DEG:  # type: ignore[arg-type]  # plain
                 shape[k] = "wrinkle"
     return build.add(dents, "dents", {"weld_distance": distance, "wall_thickness": thickness, "shape": shape})
 

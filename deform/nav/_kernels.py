@@ -23,13 +23,13 @@ GAP = 53  # s without samples inside the epoch
 SENSE = 54  # +1, or -1 for an epoch that is run through backwards in time
 TURN_BY_SHEAR = 55  # 9: the same of turns that other gyros see, Jacobian to the skew of the gyros (see `correct_row`)
 FORCE_BY_SHEAR = 64  # 15: the same of forces that other accelerometers see, Jacobian to the skew of the accelerometers
-COLUMNS = 79
+BRIDGED_TURN, BRIDGED_PUSH = 79, 80  # variance of what bridged samples may have turned (rad²) and pushed ((m/s)²) otherwise
+COLUMNS = 81
 PARAMETERS = 20  # biases of gyros and accelerometers, scales of both, skews of both, as `correct_row` takes them
 
-# Rows of the table of compensation: maker's model of one sensor axis per column, then the mounting.
-GYRO_DRIFT, GYRO_SCALE, GYRO_ASYMMETRY, UNBALANCE_SPIN, UNBALANCE_INPUT, SPIN_AXIS = 0, 1, 2, 3, 4, 5
-ACCEL_BIAS, ACCEL_SCALE, ACCEL_ASYMMETRY, GYRO_MOUNTING, ACCEL_MOUNTING = 6, 7, 8, 9, 12
-COMPENSATION_ROWS = 15
+# Rows of the table of compensation K, one sensor axis per column: drift, scale, asymmetry of scale, unbalance about spin and
+# input axis, index of the spin axis of a gyro; bias, scale, asymmetry of an accelerometer; then the matrices of the mounting.
+GYRO_MOUNTING, ACCEL_MOUNTING = 9, 12
 
 LOST = 1.5  # usual steps beyond which a sample is missing
 MOST_BRIDGED = 5  # missing samples over which rate and force are taken to go on; more of them are a gap
@@ -102,6 +102,30 @@ def lost_before(time, i, usual):
 
 
 @njit(cache=True, error_model="numpy")
+def bridged(lost, g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2):
+    """Increments g, a with those of the samples lost before them, for each of which the mean with the last ones p, b stands."""
+    h = 0.5 * lost
+    return g0 + h * (g0 + p0), g1 + h * (g1 + p1), g2 + h * (g2 + p2), a0 + h * (a0 + b0), a1 + h * (a1 + b1), a2 + h * (a2 + b2)
+
+
+@njit(cache=True, error_model="numpy")
+def bridge_variance(count, pulse, i, lost):
+    """Variance of what the lost samples before sample i may have held beside the mean of their neighbours, of the worst axis.
+
+    As much as the neighbours differ, and as they rose or fell: a sensor that saturates was on its way to a peak.
+    """
+    worst = 0.0
+    for j in range(3):
+        apart, slope = abs(count[i, j] - count[i - 1, j]), 0.0
+        if i > 1:
+            slope = abs(count[i - 1, j] - count[i - 2, j])
+        if i + 1 < count.shape[0]:
+            slope = max(slope, abs(count[i + 1, j] - count[i, j]))
+        worst = max(worst, pulse * lost * (apart + 0.5 * lost * slope))
+    return worst * worst
+
+
+@njit(cache=True, error_model="numpy")
 def travelled(t, start, step, distance, slope):
     """Distance at a time: a cubic between knots ``step`` apart, steady beyond them."""
     u = (t - start) / step
@@ -144,9 +168,10 @@ def preintegrate(time, gyro, accel, gyro_pulse, accel_pulse, K, start, step, dis
                 d0, d1, d2 = a0, a1, a2
             else:
                 n0, n1, n2, c0, c1, c2 = g0, g1, g2, a0, a1, a2
-                if lost > 0:  # a few samples: the mean of both neighbours stands for each of them
-                    g0, g1, g2 = g0 + 0.5 * lost * (g0 + p0), g1 + 0.5 * lost * (g1 + p1), g2 + 0.5 * lost * (g2 + p2)
-                    a0, a1, a2 = a0 + 0.5 * lost * (a0 + b0), a1 + 0.5 * lost * (a1 + b1), a2 + 0.5 * lost * (a2 + b2)
+                g0, g1, g2, a0, a1, a2 = bridged(lost, g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2)
+                if lost > 0:
+                    row[BRIDGED_TURN] += bridge_variance(gyro, gyro_pulse, i, lost)
+                    row[BRIDGED_PUSH] += bridge_variance(accel, accel_pulse, i, lost)
                 r0, r1, r2, d0, d1, d2 = two_sample(g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2)
                 p0, p1, p2, b0, b1, b2 = n0, n1, n2, c0, c1, c2
             w0, w1, w2 = rotate(R, d0, d1, d2)
@@ -305,104 +330,15 @@ def correct_row(row, p, out):
             out[3 * i + j] = R[i, j]
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, usual, table, states, spread, wanted, offsets, out):
-    """Fill out (10 + q, output): place, velocity, azimuth, pitch, roll, speed, and the columns of ``spread`` (bound, q), led
-    on linearly between the bounds.
-
-    ``states`` (epoch + 1, 35 or more): place, velocity, matrix, parameters of both triads at the bounds.
-    ``wanted`` are sample indices, ``offsets[k]`` the first of them at or behind bounds[k]. Inside an epoch the counts are
-    integrated from its beginning; what then is missing at its end is laid on linearly.
-    """
-    for k in prange(bounds.size - 1):
-        state, following = states[k], states[k + 1]
-        row, end = np.empty(COLUMNS), np.empty(COLUMNS)
-        place, v, C = state[0:3], state[3:6], state[6:15].copy().reshape((3, 3))
-        place_end, v_end, C_end = np.empty(3), np.empty(3), np.empty((3, 3))
-        correct_row(table[k], state[15 : 15 + PARAMETERS], end)
-        advance(end, place, v, C, place_end, v_end, C_end)
-        e0, e1, e2 = place_difference(following[0:3], place_end)
-        u0, u1, u2 = following[3] - v_end[0], following[4] - v_end[1], following[5] - v_end[2]
-        D = np.empty((3, 3))  # left over turn: C_following = D C_end
-        for i in range(3):
-            for j in range(3):
-                D[i, j] = (
-                    following[6 + 3 * i] * C_end[j, 0] + following[7 + 3 * i] * C_end[j, 1] + following[8 + 3 * i] * C_end[j, 2]
-                )
-        r0, r1, r2 = 0.5 * (D[2, 1] - D[1, 2]), 0.5 * (D[0, 2] - D[2, 0]), 0.5 * (D[1, 0] - D[0, 1])
-        total = table[k, DURATION]
-        row[:] = 0.0
-        row[SENSE] = 1.0
-        R = np.eye(3)
-        v0 = v1 = v2 = x0 = x1 = x2 = passed = 0.0
-        first = bounds[k]
-        dt = max(time[first] - time[first - 1], 1e-9) if first > 0 else 1.0
-        p0, p1, p2, b0, b1, b2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, first, dt)
-        if first == 0:
-            p0 = p1 = p2 = b0 = b1 = b2 = 0.0
-        n = offsets[k]
-        stop = offsets[k + 1] if k < bounds.size - 2 else wanted.size
-        for i in range(first, bounds[k + 1] + 1):
-            if n >= stop:
-                break
-            if i > first:
-                dt = time[i] - time[i - 1]
-                lost = lost_before(time, i, usual)
-                g0, g1, g2, a0, a1, a2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, i, dt if lost == 0 else usual)
-                if lost > MOST_BRIDGED:
-                    share = dt / usual
-                    d0, d1, d2 = b0 * share, b1 * share, b2 * share
-                    g0 = g1 = g2 = p0 = p1 = p2 = s0 = s1 = s2 = 0.0
-                else:
-                    n0, n1, n2, c0, c1, c2 = g0, g1, g2, a0, a1, a2
-                    if lost > 0:
-                        g0, g1, g2 = g0 + 0.5 * lost * (g0 + p0), g1 + 0.5 * lost * (g1 + p1), g2 + 0.5 * lost * (g2 + p2)
-                        a0, a1, a2 = a0 + 0.5 * lost * (a0 + b0), a1 + 0.5 * lost * (a1 + b1), a2 + 0.5 * lost * (a2 + b2)
-                    s0, s1, s2, d0, d1, d2 = two_sample(g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2)
-                    p0, p1, p2, b0, b1, b2 = n0, n1, n2, c0, c1, c2
-                    s0 -= state[15] * dt + state[21] * g0 + state[29] * g2
-                    s1 -= state[16] * dt + state[22] * g1 + state[27] * g0 + state[28] * g2
-                    s2 -= state[17] * dt + state[23] * g2
-                    d0 -= state[18] * dt + state[24] * a0 + state[30] * a2 + state[33] * a1
-                    d1 -= state[19] * dt + state[25] * a1 + state[31] * a0 + state[32] * a2
-                    d2 -= state[20] * dt + state[26] * a2 + state[30] * a0 + state[34] * a1
-                w0, w1, w2 = rotate(R, d0, d1, d2)
-                x0 += dt * (v0 + 0.5 * w0)
-                x1 += dt * (v1 + 0.5 * w1)
-                x2 += dt * (v2 + 0.5 * w2)
-                v0, v1, v2 = v0 + w0, v1 + w1, v2 + w2
-                turn_right(R, s0, s1, s2)
-                passed += dt
-            if i != wanted[n]:
-                continue
-            for j in range(9):
-                row[TURN + j] = R[j // 3, j % 3]
-            row[VELOCITY], row[VELOCITY + 1], row[VELOCITY + 2] = v0, v1, v2
-            row[POSITION], row[POSITION + 1], row[POSITION + 2] = x0, x1, x2
-            row[DURATION] = max(passed, 1e-9)
-            advance(row, place, v, C, place_end, v_end, C_end)
-            w = passed / total if total > 0.0 else 0.0
-            shift_place(place_end, w * e0, w * e1, w * e2)
-            turn_left(C_end, w * r0, w * r1, w * r2)
-            for j in range(3):
-                out[j, n] = place_end[j]
-            v_end[0], v_end[1], v_end[2] = v_end[0] + w * u0, v_end[1] + w * u1, v_end[2] + w * u2
-            out[3, n], out[4, n], out[5, n] = v_end[0], v_end[1], v_end[2]
-            out[6, n] = math.atan2(C_end[0, 1], C_end[1, 1])
-            out[7, n] = math.atan2(C_end[2, 1], math.hypot(C_end[0, 1], C_end[1, 1]))
-            out[8, n] = math.atan2(-C_end[2, 0], C_end[2, 2])
-            out[9, n] = math.sqrt(v_end[0] * v_end[0] + v_end[1] * v_end[1] + v_end[2] * v_end[2])
-            for j in range(spread.shape[1]):
-                out[10 + j, n] = spread[k, j] + w * (spread[k + 1, j] - spread[k, j])
-            n += 1
-
-
 @njit(cache=True, error_model="numpy")
-def running_sums(time, gyro, accel, gyro_pulse, accel_pulse, K, first, last):
-    """Mean angular rate and specific force (body axes) over samples first + 1 ... last, and the time they span."""
+def running_sums(time, gyro, accel, gyro_pulse, accel_pulse, K, usual, first, last):
+    """Mean angular rate and specific force (body axes) over samples first + 1 ... last, and the time they count.
+
+    A sample behind lost ones counts for its own ``usual`` step: what was lost has no part in the mean.
+    """
     sums = np.zeros(7)
     for i in range(first + 1, last + 1):
-        dt = time[i] - time[i - 1]
+        dt = usual if lost_before(time, i, usual) > 0 else time[i] - time[i - 1]
         g0, g1, g2, a0, a1, a2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, i, dt)
         sums[0] += g0
         sums[1] += g1

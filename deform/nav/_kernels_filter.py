@@ -30,7 +30,8 @@ from deform.nav._kernels_state import (
     follow,
 )
 
-MOST_SCALARS = 14  # scalar measurements at one bound: a joint, an azimuth, 3 of each of up to three marks, 3 of travel
+MOST_MARKS = 3  # at one bound; `aiding.mark_aid` hands on no more
+MOST_SCALARS = 5 + 3 * MOST_MARKS  # scalar measurements at one bound: a joint, an azimuth, 3 of each mark, 3 of travel
 OTHER = -1.0  # kind of a measurement that is none of the travel's three components
 
 
@@ -91,8 +92,6 @@ def pass_mark(x, mark, m, P, dx, buffers, b, used, H, K, news):
     size = math.hypot(a0, a1)
     a0, a1 = (a0 / size, a1 / size) if size > 1e-6 else (0.0, 1.0)
     for c in range(3):
-        if used >= MOST_SCALARS - 4:
-            break
         H[:] = 0.0
         if c == 0:
             H[0], H[1], z = a0, a1, a0 * miss[0] + a1 * miss[1]

@@ -11,6 +11,8 @@ from deform.geometry._kernels import EARTH_RATE, gravity, radii, rotate
 from deform.nav._kernels import (
     ATTITUDE_TIME,
     ATTITUDE_TRAVEL,
+    BRIDGED_PUSH,
+    BRIDGED_TURN,
     COLUMNS,
     DURATION,
     FORCE_BY_AXIS,
@@ -249,8 +251,8 @@ def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R
     for j in range(9):
         turn += abs(row[TURN_BY_AXIS + j])
     for i in range(3):
-        Q[6 + i] += unknown[2] * turn + unknown[0] * row[GAP]
-        Q[3 + i] += unknown[1] * row[GAP]
+        Q[6 + i] += unknown[2] * turn + unknown[0] * row[GAP] + row[BRIDGED_TURN]
+        Q[3 + i] += unknown[1] * row[GAP] + row[BRIDGED_PUSH]
         Q[i] += (0.03 * s) ** 2 if row[GAP] > 0.0 else 0.0
         if reckoned:
             Q[i] += R[0] * axes[0, i] ** 2 + R[1] * axes[1, i] ** 2 + R[2] * axes[2, i] ** 2

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from deform.nav._kernels import COLUMNS, GAP, PARAMETERS, correct_row
-from deform.nav._kernels_filter import OTHER, direction_rows
+from deform.nav._kernels_filter import OTHER
 from deform.nav._kernels_model import (
     SUMS,
     adjoint_lead,
@@ -17,7 +17,6 @@ from deform.nav._kernels_model import (
     odometer_step,
     process,
     track_axes,
-    unit_row,
 )
 from deform.nav._kernels_state import B_DISTANCE, MATRIX, NAVIGATED, adjoint_begin_anew, feed_back
 
@@ -54,48 +53,25 @@ def adjoint_measure(adjoint, information, H, K, innovation, s, g):
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
 def smoothed_sigma(P, information, wanted, g, sigma):
     """Fill sigma of the first ``wanted`` states: root of the diagonal of P - P information P."""
-    for i in range(wanted):
-        sigma[i] = math.sqrt(max(P[i, i] - reduction(P[i], information, g), 0.0))
-
-
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
-def reduction(p, information, g):
-    """Return p' information p."""
-    n = p.size
-    for j in range(n):
-        g[j] = 0.0
-    for m in range(n):
-        for j in range(n):
-            g[j] += p[m] * information[m, j]
-    total = 0.0
-    for j in range(n):
-        total += g[j] * p[j]
-    return total
-
-
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
-def direction_sigma(P, information, axes, J, h, Ph, g, sigma):
-    """Fill sigma (2,) of the pipe's direction to the right and up from its derivative J: root of h' (P - P information P) h."""
     n = P.shape[0]
-    for c in range(2):
-        variance = 0.0
+    for i in range(wanted):
         for j in range(n):
-            h[j] = axes[1 + c, 0] * J[0, j] + axes[1 + c, 1] * J[1, j] + axes[1 + c, 2] * J[2, j]
-        for i in range(n):
-            Ph[i] = 0.0
+            g[j] = 0.0
+        for m in range(n):
             for j in range(n):
-                Ph[i] += P[i, j] * h[j]
-            variance += h[i] * Ph[i]
-        sigma[c] = math.sqrt(max(variance - reduction(Ph, information, g), 0.0))
+                g[j] += P[i, m] * information[m, j]
+        taken = 0.0
+        for j in range(n):
+            taken += g[j] * P[i, j]
+        sigma[i] = math.sqrt(max(P[i, i] - taken, 0.0))
 
 
 @njit(cache=True, error_model="numpy")
-def backward(first, last, travel, span, noise, buffers, adjoint, information, smooth, sigma, direction, pull, drive):
+def backward(first, last, travel, span, noise, buffers, adjoint, information, smooth, sigma, pull, drive):
     """Smooth the bounds ``first`` ... ``last`` from the buffers of `forward`; adjoint and information come from behind ``last``.
 
     Modified Bryson-Frazier: x_s = x - P adjoint, P_s = P - P information P, with both behind the measurements of the bound.
-    Fills smooth (bound, STATE_COLUMNS), sigma (bound, n) and direction (bound, 2), sigma of the pipe's direction to the right
-    and up; none of them when smooth has no rows.
+    Fills smooth (bound, STATE_COLUMNS) and sigma (bound, n); neither when smooth has no rows.
 
     Slopes of the log-likelihood: ``pull`` (epoch, 3) to the variances of the displacement, ``drive`` (n,) to the logarithm of
     each state's process noise (Koopman 1993; Koopman and Shephard 1992); none when pull has no rows.
@@ -106,15 +82,13 @@ def backward(first, last, travel, span, noise, buffers, adjoint, information, sm
     xs, Ps, counts, Hs, Ks, news = buffers
     n, full = adjoint.size, NAVIGATED + (1 if at[B_DISTANCE] >= 0 else 0)
     F, J, D, axes, row = np.empty((full, n)), np.empty((3, n)), np.empty(3), np.empty((3, 3)), np.empty(COLUMNS)
-    decay, Q, dx, g, h, a = np.ones(n), np.zeros(n), np.zeros(n), np.empty(n), np.empty(n), np.empty(n)
-    U, unit, no_tilt = np.empty((n, n)), unit_row(), np.zeros(tilts.shape[1])
+    decay, Q, dx, g, a, U = np.ones(n), np.zeros(n), np.zeros(n), np.empty(n), np.empty(n), np.empty((n, n))
     wanted, learns = smooth.shape[0] > 0, pull.shape[0] > 0
     for k in range(last, first - 1, -1):
         b = k - first
         x, P = xs[b], Ps[b]
-        tilt = tilts[k] if k < table.shape[0] else no_tilt
         if k < table.shape[0]:
-            change = speeds[k + 1] - speeds[k]
+            change, tilt = speeds[k + 1] - speeds[k], tilts[k]
             correct_row(table[k], x[15 : 15 + PARAMETERS], row)
             track_axes(row, x[MATRIX : MATRIX + 9].reshape((3, 3)), axes)
             odometer_step(row, x, axes, change, tilt, D)
@@ -139,8 +113,6 @@ def backward(first, last, travel, span, noise, buffers, adjoint, information, sm
                 sigma[k, NAVIGATED:] = sigma[k + 1, NAVIGATED:]
             smooth[k] = x
             feed_back(smooth[k], dx, at)
-            direction_rows(smooth[k], at, axes, tilt, unit, D, J)
-            direction_sigma(P, information, axes, J, h, a, g, direction[k])
         for j in range(counts[b] - 1, -1, -1):
             slope = adjoint_measure(adjoint, information, Hs[b, j], Ks[b, j], news[b, j, 0], news[b, j, 1], g)
             if learns and news[b, j, 2] != OTHER:

@@ -12,8 +12,8 @@ from deform.nav._kernels import shift_place
 WAVES = 5  # components of the wobble, each with a length of its own
 BANDS = 2  # wave bands of the tilt seen by the arms, each believed by its own share
 
-# Columns of a state: place, velocity, matrix, then the parameters in the order of the slots.
-PLACE, VELOCITY_AT, MATRIX, GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE = 0, 3, 6, 15, 18, 21, 24
+# Columns of a state: place at 0, velocity at 3, matrix, then the parameters in the order of the slots.
+MATRIX, GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE = 6, 15, 18, 21, 24
 GYRO_SHEAR, ACCEL_SHEAR, MOUNTING, SCALE, DELAY, SAG, WOBBLE = 27, 30, 35, 37, 38, 39, 40
 TILT = WOBBLE + 2 * WAVES
 DISTANCE = TILT + 2 * BANDS

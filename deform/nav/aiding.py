@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deform.nav._kernels_filter import MOST_MARKS
 from deform.nav._kernels_state import BANDS, RESET_COURSE, RESET_DISTANCE
 from deform.nav.strapdown import Epochs
 
@@ -18,7 +19,7 @@ log = logging.getLogger(__name__)
 REST_VARIANCE = 1e-4**2  # m², of the displacement of a tool at rest within one epoch
 LEAST_VARIANCE = 1e-5**2  # m², of any displacement
 STRAIGHT_M = 50.0  # way over which the azimuth of straight pipe strays by itself
-WOBBLE_DENSITY = 4.0 * math.radians(0.15) ** 2 * 10.0  # m² per m: the wobble over a long way, where it is no state
+WOBBLE_DENSITY = 2.0 * math.radians(0.15) ** 2 * 20.0  # m² per m: of a wobble that is no state, 0.15 degree, forgotten in 20 m
 RIDE_DENSITY = 2e-7  # m² per m: what is left of the ride across the pipe when the wobble is a state
 
 
@@ -44,16 +45,17 @@ class TravelAid:
     tilt: Floats
 
     def with_noise(self, along: float, right: float, up: float, rest: float = REST_VARIANCE) -> TravelAid:
-        """Return the aid with a factor on the variance along, densities (m² per m) right and up, a variance at rest (m²)."""
-        known = self.variance[:, 0] > 0
-        moving, still = known & ~self.stationary, known & self.stationary
-        variance = self.variance.copy()
-        variance[still] = rest
+        """Return the aid with a factor on the variance along, densities (m² per m) right and up, a variance at rest (m²).
+
+        A component that is no measurement stays none.
+        """
+        moving = ~self.stationary
+        variance = np.full_like(self.variance, rest)
         variance[moving, 0] = along * self.along_shape[moving] + LEAST_VARIANCE
         slip = 0.02**2 * self.along_shape[moving] + LEAST_VARIANCE
         variance[moving, 1] = right * self.travel[moving] + slip
         variance[moving, 2] = up * self.travel[moving] + slip
-        return replace(self, variance=variance)
+        return replace(self, variance=np.where(self.variance > 0, variance, 0.0))
 
 
 @dataclass(frozen=True)
@@ -153,8 +155,13 @@ def mark_aid(epochs: Epochs, time: Floats, place: Floats, sigma: Floats, time_si
     inside = np.isfinite(time) & (time >= epochs.time[0] - 0.5) & (time <= epochs.time[-1] + 0.5) & np.isfinite(place).all(axis=1)
     index = np.flatnonzero(inside)
     index = index[np.argsort(time[index], kind="stable")]
+    epoch = nearest_bound(epochs.time, time[index])
+    crowded = np.concatenate([np.zeros(min(MOST_MARKS, epoch.size), bool), epoch[MOST_MARKS:] == epoch[:-MOST_MARKS]])
+    if crowded.any():
+        at = ", ".join(f"{t:.1f}" for t in time[index[crowded]])
+        log.warning("more than %d markers are passed at one time; left out: those at t=%s s", MOST_MARKS, at)
+        index, epoch = index[~crowded], epoch[~crowded]
     t = time[index]
-    epoch = nearest_bound(epochs.time, t)
     before = np.clip(epoch - 1, 0, None)
     after = np.clip(epoch, None, len(epochs.table) - 1)
     speed = (epochs.travel[before] + epochs.travel[after]) / (epochs.duration[before] + epochs.duration[after])

@@ -94,7 +94,7 @@ def static_alignment(counts: Counts, begin: int, end: int, latitude_deg: float, 
     InputError
         When gravity or the earth's rate do not show as they must: an axis is reversed, exchanged or wrongly scaled.
     """
-    means = _kernels.running_sums(*counts.arguments, begin, end)  # type: ignore[call-arg]  # the dispatcher takes what its function takes
+    means = _kernels.running_sums(*counts.arguments, counts.step, begin, end)  # type: ignore[call-arg]  # the dispatcher takes what its function takes
     rate, force, span = means[:3], means[3:6], means[6]
     check_physics(rate, force, latitude_deg, height, imu, span)
     attitude = level_and_gyrocompass(rate, force)

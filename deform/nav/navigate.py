@@ -119,8 +119,8 @@ def counts_of(raw: RawRun) -> Counts:
     time = np.ascontiguousarray(imu["time"].values, float)
     return Counts(
         time,
-        np.ascontiguousarray(imu["gyro_count"].values, np.int32),
-        np.ascontiguousarray(imu["accel_count"].values, np.int32),
+        np.ascontiguousarray(imu["gyro_count"].values),  # 32 bits wide, or 64 where a maker's pulses need it
+        np.ascontiguousarray(imu["accel_count"].values),
         float(imu.attrs["gyro_pulse_rad"]),
         float(imu.attrs["accel_pulse_m_per_s"]),
         compensation_table(raw.header.imu),

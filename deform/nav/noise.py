@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from deform.nav._kernels_state import WAVES
-from deform.nav.aiding import REST_VARIANCE, RIDE_DENSITY
+from deform.nav._kernels_state import WAVES, WOBBLE
+from deform.nav.aiding import REST_VARIANCE, RIDE_DENSITY, SpanAid
 from deform.nav.error_model import BIAS_CORRELATION_S, WOBBLE_DEG, WOBBLE_LENGTHS_M
 from deform.nav.filter import BLOCK_EPOCHS, Buffers, Filtered, Problem, Start, run_forward
 from deform.nav.smoother import slopes
@@ -131,7 +131,7 @@ def apply(problem: Problem, noise: Noise) -> Problem:
 
 
 def stretches(problem: Problem, filtered: Filtered) -> list[Problem]:
-    """Return up to `MOST_STRETCHES` pieces of the run in motion, evenly spread, free of gaps, without marks.
+    """Return up to `MOST_STRETCHES` pieces of the run in motion, evenly spread, free of gaps, without marks and joints.
 
     Each begins at a checkpoint of a forward pass, with its covariance widened and the wobble unknown.
     """
@@ -152,7 +152,8 @@ def stretches(problem: Problem, filtered: Filtered) -> list[Problem]:
 def _piece(problem: Problem, filtered: Filtered, first: int, last: int) -> Problem:
     epochs, travel, marks = problem.epochs, problem.travel, problem.marks
     x, P = filtered.checkpoints[first // BLOCK_EPOCHS]
-    here = slice(first, last)
+    here, x = slice(first, last), x.copy()
+    x[WOBBLE : WOBBLE + 2 * WAVES] = 0.0
     return replace(
         problem,
         epochs=Epochs(epochs.bounds[first : last + 1], epochs.time[first : last + 1], epochs.table[here]),
@@ -160,7 +161,8 @@ def _piece(problem: Problem, filtered: Filtered, first: int, last: int) -> Probl
                        stationary=travel.stationary[here], along_shape=travel.along_shape[here], travel=travel.travel[here],
                        tilt=travel.tilt[here]),
         marks=marks.only(np.zeros(marks.epoch.size, bool)),
-        start=Start(x.copy(), P * (DOUBT**2 if first else 1.0)),
+        spans=SpanAid(),
+        start=Start(x, P * (DOUBT**2 if first else 1.0)),
     )  # fmt: skip
 
 

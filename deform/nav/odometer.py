@@ -69,28 +69,9 @@ class OdometerSolution:
     stalls: tuple[tuple[float, float], ...]
     remarks: tuple[str, ...]
 
-    @property
-    def distance(self) -> Floats:
-        """Metre at the start of the first sample's interval and at every sample, shape (samples + 1,)."""
-        return self._on_samples(0)
-
-    @property
-    def speed(self) -> Floats:
-        """Metre per second, not negative, like `distance`."""
-        return self._on_samples(1)
-
-    @property
-    def speed_sigma(self) -> Floats:
-        """Standard deviation of the speed, like `distance`."""
-        return self._on_samples(2)
-
-    @property
-    def stationary(self) -> Floats:
-        """True where no wheel turns and the inertial unit is quiet, like `distance`."""
-        return self._on_samples(3)
-
-    def _on_samples(self, what: int) -> Floats:
-        return self.profile.at(np.concatenate([[self.profile.start], self.time]))[what]
+    def on_samples(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return distance (m), speed (m/s), its sigma and rest at the begin of the first sample and at the end of each."""
+        return self.profile.at(np.concatenate([[self.profile.start], self.time]))
 
 
 @dataclass

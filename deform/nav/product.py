@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from deform.nav import _kernels, _kernels_state
+from deform.nav import _kernels_expand, _kernels_state
 from deform.nav.alignment import Alignment
 from deform.nav.odometer import OdometerSolution
 from deform.nav.reverse import Agreement
@@ -54,7 +54,7 @@ def trajectory_dataset(
     offsets = np.searchsorted(wanted, epochs.bounds[:-1])
     spreads = np.column_stack(list(spread.values()))
     arguments = (*counts.arguments, epochs.bounds, counts.step, epochs.table, states, spreads, wanted, offsets, out)
-    _kernels.expand(*arguments)
+    _kernels_expand.expand(*arguments)
     for row in (0, 1, 6, 7, 8):
         np.degrees(out[row], out=out[row])
     out[6] %= 360.0
@@ -69,7 +69,7 @@ def trajectory_dataset(
 
 
 def sigmas(solution: Solution) -> dict[str, Floats]:
-    """Standard deviations at the epochs: position (m), chainage (m), azimuth, pitch and the pipe's direction (degree)."""
+    """Standard deviations at the epochs: position (m), chainage (m), azimuth and pitch (degree)."""
     sigma, matrix = solution.smoothed.sigma, solution.smoothed.states[:, 6:15].reshape(-1, 3, 3)
     forward = matrix[:, :, 1]
     level = np.maximum(np.hypot(forward[:, 0], forward[:, 1]), 1e-3)
@@ -84,8 +84,6 @@ def sigmas(solution: Solution) -> dict[str, Floats]:
             np.hypot(sigma[:, 8], np.hypot(sigma[:, 6] * east, sigma[:, 7] * north) * forward[:, 2] / level)
         ),
         "pitch_sigma": np.degrees(np.hypot(sigma[:, 6] * north, sigma[:, 7] * east)),
-        "direction_right_sigma": np.degrees(solution.smoothed.direction_sigma[:, 0]),
-        "direction_up_sigma": np.degrees(solution.smoothed.direction_sigma[:, 1]),
     }
 
 

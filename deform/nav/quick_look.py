@@ -88,7 +88,7 @@ def _per_cell(raw: RawRun, wheels: OdometerSolution, n: int) -> tuple[Floats, Fl
     turn, force, seconds = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n)
     pulses = float(raw.imu.attrs["gyro_pulse_rad"]), float(raw.imu.attrs["accel_pulse_m_per_s"])
     time = raw.imu["time"].values
-    distance, speed, _, still = wheels.profile.at(np.concatenate([[wheels.profile.start], time]))
+    distance, speed, _, still = wheels.on_samples()
     _gather(
         time, raw.imu["gyro_count"].values, raw.imu["accel_count"].values, *pulses, raw.header.imu.mounting,
         distance, speed.astype(float), still, _CELL_M, turn, force, seconds,

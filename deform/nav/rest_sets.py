@@ -101,7 +101,7 @@ def find_rests(counts: Counts) -> list[tuple[float, float]]:
 
 
 def _means(counts: Counts, first: int, last: int) -> Floats:
-    arguments = (*counts.arguments, first, last)
+    arguments = (*counts.arguments, counts.step, first, last)
     return _kernels.running_sums(*arguments)
 
 

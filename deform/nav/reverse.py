@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deform.nav import _kernels as k
 from deform.nav import _kernels_state as kernels
+from deform.nav.aiding import SpanAid
 from deform.nav.filter import Buffers, Filtered, Innovations, Problem, Start, blocks, run_block, run_forward
 from deform.nav.smoother import Smoothed
 from deform.nav.strapdown import Epochs
@@ -87,6 +88,7 @@ def reversed_problem(problem: Problem, end: Floats, variance: Floats) -> Problem
                        along_shape=travel.along_shape[::-1], travel=travel.travel[::-1], tilt=travel.tilt[::-1].copy()),
         marks=replace(marks, index=marks.index[::-1], epoch=(n - marks.epoch[::-1]).copy(), place=marks.place[::-1].copy(),
                       variance=marks.variance[::-1], late=-marks.late[::-1], weight=marks.weight[::-1]),
+        spans=SpanAid(),  # the backward run checks the forward one without them
         start=Start(state, np.diag(variance)),
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deform.nav import _kernels_smoother as kernels
 from deform.nav._kernels_state import STATE_COLUMNS
-from deform.nav.filter import Buffers, Filtered, Innovations, Problem, blocks, run_block
+from deform.nav.filter import BLOCK_EPOCHS, Buffers, Filtered, Innovations, Problem, blocks, run_block
 
 Floats = NDArray[np.float64]
 NOTHING = np.empty((0, 3))
@@ -23,12 +23,10 @@ class Smoothed:
     ----------
     states : (bound, STATE_COLUMNS).
     sigma : (bound, n) standard deviations of the error state: position east, north, up (m), velocity, turning error (radian), ...
-    direction_sigma : (bound, 2) of the pipe's direction, attitude and wobble together, to the right and up (radian).
     """
 
     states: Floats
     sigma: Floats
-    direction_sigma: Floats
 
 
 def smooth(problem: Problem, filtered: Filtered) -> Smoothed:
@@ -46,10 +44,10 @@ def smooth(problem: Problem, filtered: Filtered) -> Smoothed:
     Li (2014), eq. 26 to 30; Bierman (1977), Factorization Methods, chapter 10.
     """
     n, n_bounds = problem.model.size, problem.epochs.bounds.size
-    result = Smoothed(np.empty((n_bounds, STATE_COLUMNS)), np.empty((n_bounds, n)), np.empty((n_bounds, 2)))
-    wanted = result.states, result.sigma, result.direction_sigma
+    result = Smoothed(np.empty((n_bounds, STATE_COLUMNS)), np.empty((n_bounds, n)))
+    wanted = result.states, result.sigma
     adjoint, information = np.zeros(n), np.zeros((n, n))
-    buffers, again = Buffers.of(n, min(n_bounds, 512)), Innovations.of(problem)
+    buffers, again = Buffers.of(n, min(n_bounds, BLOCK_EPOCHS)), Innovations.of(problem)
     fixed = problem.moves, problem.spans.arguments, problem.model.arguments, buffers.arguments
     for (first, last), (x, P) in zip(reversed(blocks(n_bounds)), reversed(filtered.checkpoints), strict=True):
         run_block(problem, first, last, x.copy(), P.copy(), buffers, again)
@@ -84,7 +82,7 @@ def slopes(problem: Problem, buffers: Buffers) -> Slopes:
     n = model.size
     run_block(problem, 0, last, problem.start.state.copy(), problem.start.covariance.copy(), buffers, out)
     adjoint, information, pull, drive = np.zeros(n), np.zeros((n, n)), np.zeros((last, 3)), np.zeros(n)
-    nowhere = np.empty((0, STATE_COLUMNS)), np.empty((0, n)), np.empty((0, 2))
+    nowhere = np.empty((0, STATE_COLUMNS)), np.empty((0, n))
     fixed = problem.moves, problem.spans.arguments, model.arguments, buffers.arguments
     kernels.backward(0, last, *fixed, adjoint, information, *nowhere, pull, drive)
     here = model.index("wobble")  # its first covariance is that of the long run

@@ -106,6 +106,14 @@ def test_smoother_equals_the_plain_twin():
     np.testing.assert_allclose(smoothed.sigma[:, :9], sigma[:, :9], rtol=1e-4, atol=1e-12)
 
 
+def test_more_markers_than_a_bound_takes_are_named_and_left_out_whole(caplog):
+    _, problem = problem_of(duration=260.0)
+    time, place = np.array([230.0, 230.1, 230.2, 230.3, 240.0]), np.tile(problem.start.state[:3], (5, 1))
+    marks = mark_aid(problem.epochs, time, place, np.ones((5, 2)), 0.0)
+    assert marks.index.tolist() == [0, 1, 2, 4]
+    assert "t=230.3 s" in caplog.text
+
+
 def test_blocks_do_not_show():
     _, problem = problem_of(duration=800.0)
     filtered = run_forward(problem)

@@ -33,10 +33,12 @@ def rms_deg(problem):
 def test_slopes_of_the_likelihood_are_its_finite_differences(monkeypatch):
     monkeypatch.setattr(filter_, "GATE", 0.0)
     _, problem = problem_of(duration=430.0, wobble_deg=WOBBLE_DEG)
+    rng = np.random.default_rng(1)
     parts = noise.stretches(problem, run_forward(problem))
+    parts = [noise._only(p, rng.random(p.travel.variance.shape) < 0.9) for p in parts]  # each component by itself may be left out
     buffers = Buffers.of(problem.model.size, max(p.epochs.bounds.size for p in parts))
     usual = noise.Noise.usual().logs
-    x = usual + np.random.default_rng(1).uniform(-1.0, 1.0, usual.size)
+    x = usual + rng.uniform(-1.0, 1.0, usual.size)
     slope, step = noise._misfit(x, parts, usual, buffers)[1], 1e-2
     for i in range(x.size):
         ends = []
@@ -45,6 +47,15 @@ def test_slopes_of_the_likelihood_are_its_finite_differences(monkeypatch):
             y[i] += sign * step
             ends.append(noise._misfit(y, parts, usual, buffers)[0])
         assert slope[i] == pytest.approx((ends[1] - ends[0]) / (2.0 * step), rel=0.02, abs=0.05)
+
+
+def test_a_component_that_is_left_out_stays_out_whatever_noise_is_tried():
+    _, problem = problem_of(duration=430.0)
+    part = noise.stretches(problem, run_forward(problem))[0]
+    use = np.ones(part.travel.variance.shape, bool)
+    use[::3, 1] = use[1::3, 2] = use[::5, 0] = False
+    tried = noise.apply(noise._only(part, use), noise.Noise.usual())
+    np.testing.assert_array_equal(tried.travel.variance > 0, use & (part.travel.variance > 0))
 
 
 def test_the_wobble_of_the_tool_is_found():

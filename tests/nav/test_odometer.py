@@ -11,15 +11,15 @@ from tests.nav.wheels import PULSE, run
 
 
 def departure(solution, travel):
-    return solution.distance - travel
+    return solution.on_samples()[0] - travel
 
 
 def test_wheels_without_fault_give_the_travel_within_two_pulses():
     raw, travel = run(scales=(0.0, 0.0, 0.0))
     solution = combine(raw)
-    assert solution.distance.shape == solution.speed.shape == (raw.imu.sizes["sample"] + 1,)
+    assert solution.on_samples()[0].shape == solution.on_samples()[1].shape == (raw.imu.sizes["sample"] + 1,)
     assert np.abs(departure(solution, travel)).max() < 2 * PULSE
-    assert (np.diff(solution.distance) >= 0).all()
+    assert (np.diff(solution.on_samples()[0]) >= 0).all()
     assert solution.slips == ()
     assert solution.stalls == ()
 
@@ -96,7 +96,7 @@ def test_single_wheel_is_taken_as_it_is_with_a_wide_sigma():
     solution = combine(raw)
     assert np.abs(departure(solution, travel)).max() < 2 * PULSE
     assert any("slips cannot be seen" in r for r in solution.remarks)
-    assert np.median(solution.speed_sigma[20000:]) > 0.015
+    assert np.median(solution.on_samples()[2][20000:]) > 0.015
 
 
 def test_stop_is_recognised_and_only_there():
@@ -105,8 +105,8 @@ def test_stop_is_recognised_and_only_there():
     time = np.concatenate([[0.0], raw.imu.time])
     inside = (time < 59.0) | ((time > 301.0) & (time < 329.0))
     outside = ((time > 60.2) & (time < 299.8)) | (time > 330.2)
-    assert solution.stationary[inside].mean() > 0.98
-    assert not solution.stationary[outside].any()
+    assert solution.on_samples()[3][inside].mean() > 0.98
+    assert not solution.on_samples()[3][outside].any()
 
 
 def test_stall_of_all_wheels_is_flagged_bridged_and_uncertain():
@@ -115,8 +115,8 @@ def test_stall_of_all_wheels_is_flagged_bridged_and_uncertain():
     ((start, end),) = solution.stalls
     assert abs(start - 250.0) < 1.0
     assert abs(end - 262.0) < 1.0
-    assert not solution.stationary[25000:26200].any()
-    assert solution.speed_sigma[25600] > 0.5
+    assert not solution.on_samples()[3][25000:26200].any()
+    assert solution.on_samples()[2][25600] > 0.5
     assert np.abs(departure(solution, travel)).max() < 2.0
 
 
@@ -125,7 +125,7 @@ def test_speed_errors_are_as_large_as_their_sigma_says():
     solution = combine(raw)
     true = np.gradient(travel, 0.01)
     moving = slice(8000, -500)
-    error = (solution.speed - true)[moving] / solution.speed_sigma[moving]
+    error = (solution.on_samples()[1] - true)[moving] / solution.on_samples()[2][moving]
     assert 0.4 < np.sqrt(np.mean(error**2)) < 1.3
 
 

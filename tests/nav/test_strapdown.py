@@ -92,6 +92,31 @@ def test_single_samples_that_are_missing_are_bridged_and_a_late_stamp_loses_noth
     assert np.abs(b - a)[_kernels.VELOCITY : _kernels.VELOCITY + 3].max() < 1e-6
 
 
+def test_a_peak_that_is_bridged_widens_the_sigma_by_what_it_may_have_held(run):
+    whole, profile = run.counts, Profile.through(run.counts.time, run.distance)
+    gyro = whole.gyro.copy()
+    gyro[9000:9007, 2] += (np.array([1, 3, 6, 8, 6, 3, 1]) * np.radians(5e-4) / whole.gyro_pulse).astype(np.int32)
+    whole = replace(whole, gyro=gyro)
+    keep = np.ones(whole.time.size, bool)
+    keep[9002:9005] = False  # saturated, left out
+    short = replace(whole, time=whole.time[keep], gyro=gyro[keep], accel=whole.accel[keep])
+    a, b = (preintegrate(one, profile, np.array([8900, last])).table[0] for one, last in ((whole, 9100), (short, 9097)))
+    off = np.linalg.norm(matrix_to_rotation_vector(a[:9].reshape(3, 3).T @ b[:9].reshape(3, 3)))
+    sigma = np.sqrt(b[_kernels.BRIDGED_TURN])
+    assert a[_kernels.BRIDGED_TURN] == a[_kernels.BRIDGED_PUSH] == 0.0
+    assert np.degrees(off) > 0.003
+    assert 0.5 < off / sigma < 2.0
+
+
+def test_lost_samples_have_no_part_in_the_means_of_a_rest():
+    counts = ideal_run(30.0, rest=30.0).counts
+    keep = (counts.time < 10.0) | (counts.time > 10.5)
+    short = replace(counts, time=counts.time[keep], gyro=counts.gyro[keep], accel=counts.accel[keep])
+    whole, broken = (_kernels.running_sums(*c.arguments, c.step, 1, c.time.size - 1) for c in (counts, short))
+    np.testing.assert_allclose(broken[:6], whole[:6], rtol=1e-6, atol=1e-12)
+    assert whole[6] - broken[6] == pytest.approx(0.5, abs=0.03)
+
+
 def test_dead_reckoned_travel_of_a_perfect_tool_is_its_path(run, epochs):
     from deform.nav.dead_reckoning import dead_reckon
 
