@@ -181,6 +181,13 @@ PLATES = (
         match_figures.ribbon,
         "print",
     ),
+    Plate(
+        "welds",
+        "Matching of {}: one minus the probability of every pair; those above the red line want a look.",
+        _pairs,
+        match_figures.probability_strip,
+        "print",
+    ),
     Plate("welds", "Odometers of {}: place of each common weld, later against earlier run.", _pairs, match_figures.drift),
     Plate(
         "run",
