@@ -11,7 +11,7 @@ from deform.correlate._kernel_moves import student
 
 LEAST, MOST = 0.02, 20.0  # no single hint weighs more, against or for: the lengths of two or three joints overrule each
 SEAM_STEP = 2.0  # degree
-_HUGE = 1e18
+LOCKED = 1e18  # ratio of a locked pair
 
 
 class Hints(NamedTuple):
@@ -99,4 +99,4 @@ def _locked(i, j, h):
     for k in range(h.forbid_start[i], h.forbid_start[i + 1]):
         if h.forbid[k] == j:
             return 0.0
-    return _HUGE if h.lock_a[i] == j else 1.0
+    return LOCKED if h.lock_a[i] == j else 1.0

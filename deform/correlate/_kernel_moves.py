@@ -11,9 +11,9 @@ from math import gamma, pi, sqrt
 import numpy as np
 from numba import njit
 
-from deform.correlate._kernel_types import BIN
+from deform.correlate._kernel_types import BIN, MOST_LOOSE
 
-_PEAK = np.array([0.0, *(gamma(1 << k) / gamma((1 << k) - 0.5) / sqrt(pi * ((2 << k) - 1)) for k in (1, 2, 3))])  # Student's t
+PEAK = np.array([0.0, *(gamma(1 << k) / gamma((1 << k) - 0.5) / sqrt(pi * ((2 << k) - 1)) for k in (1, 2, 3))])  # Student's t
 _REACH = 15.0  # sigma; a sum of joints that differs more is not the same pipe with a weld missed
 FIT_M = 6.0  # metre, a replaced stretch that differs more in length is a re-route
 _LOOSE = 0.1  # share of the replaced stretches whose length was not kept, within about a metre
@@ -28,13 +28,13 @@ def student(r, sigma, shape):
         z *= z
     if shape > 2:
         z *= z
-    return _PEAK[shape] / (sigma * z)
+    return PEAK[shape] / (sigma * z)
 
 
 @njit(cache=True, error_model="numpy")
 def noise(t):
     """Student's t of the rates made ready: factor of the square, peak, shape, and how far a sum of joints may differ, metre."""
-    return 1.0 / (((2 << t.shape) - 1) * t.sigma * t.sigma), _PEAK[t.shape] / t.sigma, t.shape, _REACH * t.sigma
+    return 1.0 / (((2 << t.shape) - 1) * t.sigma * t.sigma), PEAK[t.shape] / t.sigma, t.shape, _REACH * t.sigma
 
 
 @njit(cache=True, error_model="numpy")
@@ -120,7 +120,7 @@ def cut_table(s, t):
     """Factor of the square, peak (by joints in both runs) and weight (by joints of A) of stretches replaced in place."""
     table = np.zeros((s.slack.size, 3))
     for k in range(1, s.slack.size):
-        table[k, 0], table[k, 1] = 1.0 / (7.0 * s.slack[k] ** 2), (1.0 - _LOOSE) * _PEAK[2] / s.slack[k]
+        table[k, 0], table[k, 1] = 1.0 / (7.0 * s.slack[k] ** 2), (1.0 - _LOOSE) * PEAK[2] / s.slack[k]
         table[k, 2] = t.cut * (1.0 - t.cut_more) * t.cut_more ** (k - 1)
     return table
 
@@ -144,7 +144,7 @@ def begin(i, j, t):
     """Weight of an alignment that begins at (i, j), counted from the first welds; of one that ends, counted from the last."""
     if i == 0 or j == 0:
         return 1.0
-    if i + j > 400:
+    if i + j > MOST_LOOSE:
         return 0.0
     return t.ends * t.reroute_more ** (i + j)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from deform.correlate._kernel_moves import FIT_M, begin, cut_table, few, move_cut, noise, span
-from deform.correlate._kernel_types import LONGEST_CUT
+from deform.correlate._kernel_types import LONGEST_CUT, MOST_LOOSE
 
 _ROUNDING = 1e-6  # of a weight, of places of a thousand kilometres in double precision
 BEGIN, CUT, REROUTE = 0, 1, 2  # beside 11, 12, 21, 13, 31 and 22
@@ -51,7 +51,7 @@ def _last(best, log_scale, band, m, t):
     top, at_i, at_j = -np.inf, -1, -1
     for i in range(n):
         low, high, o = span(band, i)
-        for j in range(low if n - 1 - i < 400 else max(m - 1, low), high + 1):
+        for j in range(low if n - 1 - i <= MOST_LOOSE else max(m - 1, low), high + 1):
             w = best[o + j] * begin(n - 1 - i, m - 1 - j, t)
             if w > 0.0 and np.log(w) + log_scale[i] > top:
                 top, at_i, at_j = np.log(w) + log_scale[i], i, j

@@ -25,7 +25,7 @@ from deform.correlate._kernel_moves import (
     span,
     two_against_two,
 )
-from deform.correlate._kernel_types import BIN, LONGEST_CUT
+from deform.correlate._kernel_types import BIN, LONGEST_CUT, MOST_LOOSE
 
 MATTERS = 1e-5  # of the row's largest weight; a cell with less begins no cut-out
 
@@ -59,7 +59,7 @@ def ahead(s, band, t, ev, best):
         l3, h3, o3 = span(band, i - 3)
         q2 = 1.0 / norm[i - 1] if i > 1 else 1.0
         q3 = q2 / norm[i - 2] if i > 2 else 1.0
-        may_begin = i == 0 or low == 0 or i + low < 400
+        may_begin = i == 0 or low == 0 or i + low <= MOST_LOOSE
         start = np.exp(-max(log_scale[i - 1], -600.0)) if i > 0 and may_begin else 1.0
         while folded < low:
             before = t.reroute_more * (max(before, opened[folded]) if best else before + opened[folded])
@@ -177,7 +177,7 @@ def _log_total(total, log_scale, band, m, t, best):
     for i in range(n):
         low, high, o = span(band, i)
         v = 0.0
-        for j in range(low if n - 1 - i < 400 else max(m - 1, low), high + 1):
+        for j in range(low if n - 1 - i <= MOST_LOOSE else max(m - 1, low), high + 1):
             w = total[o + j] * begin(n - 1 - i, m - 1 - j, t)
             v = max(v, w) if best else v + w
         if v <= 0.0:
@@ -218,7 +218,7 @@ def behind(s, band, t, ev, total, norm, log_scale, log_total, best):
         l2, h2, _ = span(band, i + 2)
         l3, h3, _ = span(band, i + 3)
         r0, r1, r2, r3 = i % ring, (i + 1) % ring, (i + 2) % ring, (i + 3) % ring
-        may_end = i == n - 1 or high == m - 1 or n + m - 2 - i - high < 400
+        may_end = i == n - 1 or high == m - 1 or n + m - 2 - i - high <= MOST_LOOSE
         stop = np.exp(min(log_scale[i] - log_total, 600.0)) if may_end else 0.0
         while folded > high:
             after = t.reroute_more * (max(after, closed[folded]) if best else after + closed[folded])

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 BIN = 0.01  # metre, of the densities of joint lengths
+MOST_LOOSE = 400  # welds of both runs that may lie before the first pair of an alignment, or behind its last
 LONGEST_CUT = 16  # listed joints of a replaced stretch that is weighed as a cut-out in place; a longer one is a re-route
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from deform.correlate._kernel_evidence import LOCKED
 from deform.correlate._kernel_path import CUT, REROUTE, trace_back
 from deform.correlate._kernel_sweeps import ahead, behind
 from deform.correlate._kernel_types import Band, Evidence, Lists, Rates
@@ -100,8 +101,8 @@ def align(
         held = locks if locks is None or direction > 0 else locks.turned(y.size)
         results.append(_align_one_way(x, b, seeds, options, turned, held, direction, unit))
     best = max(results, key=lambda r: r.evidence_nats)
+    _check_locks(best, locks, names)  # first: locks that cannot hold would leave two runs of one line without a match
     _check_same_line(best, x, y, names, options)
-    _check_locks(best, locks, names)
     if abs(best.scale - 1.0) > options.scale_range * 1.2:
         text = "%s is %.4f times as long as %s: its unit is not the metre (feet?); it was matched all the same"
         _log.warning(text, names[1], best.scale, names[0])
@@ -154,7 +155,7 @@ def _align_one_way(x, b, seeds: Seeds | None, options, traits, locks, direction,
         steady = 0.67 < model.rates.sigma / before < 1.5 and hints is locked
         if again and steady and n > _LARGE:
             break
-    return _posterior(x, b, warped, i, j, half, model, hints, direction, unit, locks)
+    return _posterior(x, b, warped, i, j, half, model, hints, direction, unit)
 
 
 def _with_locks(i, j, locks: Locks | None):
@@ -171,7 +172,7 @@ def _with_locks(i, j, locks: Locks | None):
     return i[order], j[order]
 
 
-def _posterior(x, b, warped, i, j, half, model: LengthModel, hints: Hints, direction, unit, locks) -> PairAlignment:
+def _posterior(x, b, warped, i, j, half, model: LengthModel, hints: Hints, direction, unit) -> PairAlignment:
     """Sum over all alignments within the band about the anchors."""
     n, m = x.size, b.size
     strip, both = band(n, m, i, j, half), model.lists(warped, b)
@@ -184,6 +185,7 @@ def _posterior(x, b, warped, i, j, half, model: LengthModel, hints: Hints, direc
     col_given = col if direction > 0 else m - 1 - col
     decided = np.full(n, -1, np.int64)
     sure = match[kept] > 0.5
+    honoured = int((hints.lock_a[row[sure]] == col[sure]).sum()) if hints.lock_a.size else 0
     decided[row[sure]] = col_given[sure]
     local = np.gradient(warped, x) * unit if n > 2 else np.full(n, unit)
     return PairAlignment(
@@ -195,7 +197,7 @@ def _posterior(x, b, warped, i, j, half, model: LengthModel, hints: Hints, direc
         shifted=shifted[kept].astype(float),
         partner=decided,
         model=model,
-        evidence_nats=float(log_total) - (np.log(1e18) * len(locks.locked) if locks else 0.0),
+        evidence_nats=float(log_total) - np.log(LOCKED) * honoured,  # a lock is a wish, no evidence
         local=local,
         frame=Frame(both, strip, ev, model.rates),
     )

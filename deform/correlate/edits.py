@@ -136,9 +136,9 @@ def _who_see_whole(registry, run, group, changes) -> int:
 def _credible(own, run, group, detected) -> np.ndarray:
     """True for welds of new pipe, that no other run can vouch for: the detector's odds times what the joint lengths say.
 
-    New pipe may have any length up to the line's longest joints (99 in 100): two pieces of a joint then weigh (left + right) over
-    the longest, and a joint beyond it hardly can be. The weld that is least credible is taken away first, then the others are
-    judged anew.
+    New pipe may have any length up to the line's longest joints (98 in 100 are no longer): two pieces of a joint then weigh
+    (left + right) over the longest, and a joint beyond it hardly can be. The weld that is least credible is taken away first,
+    and the others are judged anew.
     """
     good = np.ones(len(group), bool)
     places = own[:, run]

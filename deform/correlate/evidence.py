@@ -203,8 +203,8 @@ def learn(base: Hints, a: Traits, b: Traits, x: np.ndarray, y: np.ndarray, partn
     Notes
     -----
     A trait that does not agree on the pairs of the lengths, such as numbers given anew, gets a ratio near one; the ratios are
-    bounded (0.1 to 20), so that the lengths can overrule each of them. The seam's one unknown roll is the circular mean of the
-    differences.
+    bounded (`LEAST` to `MOST`), so that the lengths can overrule each of them. The seam's one unknown roll is the circular mean
+    of the differences.
     """
     i = np.flatnonzero(partner >= 0)
     j = partner[i]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import fftconvolve
 
+from deform.correlate._kernel_moves import PEAK
 from deform.correlate._kernel_path import CUT, REROUTE
 from deform.correlate._kernel_types import BIN, LONGEST_CUT, Lists, Rates
 
@@ -226,8 +227,7 @@ def noise(residuals: np.ndarray) -> tuple[float, int]:
         for _ in range(12):
             weight = (nu + 1.0) / (nu + (r / sigma) ** 2)
             sigma = min(max(float(np.sqrt(np.mean(weight * r**2))), _LEAST_SIGMA), _MOST_SIGMA)
-        peak = {1: 0.3675526, 2: 0.3849915, 3: 0.3923532}[shape]
-        weight = float(np.mean(np.log(peak / sigma) - 0.5 * (nu + 1.0) * np.log1p((r / sigma) ** 2 / nu)))
+        weight = float(np.mean(np.log(PEAK[shape] / sigma) - 0.5 * (nu + 1.0) * np.log1p((r / sigma) ** 2 / nu)))
         if weight > best:
             best, found = weight, (sigma, shape)
     return found

@@ -45,23 +45,20 @@ class Seeds:
     support: tuple[float, float]
 
 
-def find_seeds(
-    x: np.ndarray, y: np.ndarray, scale_range: float, directions: tuple[int, ...] = (1, -1), unit: float = 1.0
-) -> Seeds | None:
+def find_seeds(x: np.ndarray, y: np.ndarray, scale_range: float, directions: tuple[int, ...] = (1, -1)) -> Seeds | None:
     """Return direction, scale and anchors, or None when no sequence of lengths is found in both runs.
 
     Parameters
     ----------
     x, y : weld places of A (n) and B (m), metre, rising.
-    scale_range : largest departure of the scale from ``unit``.
+    scale_range : largest departure of the scale from one.
     directions : directions that are tried.
-    unit : middle of the scales that are tried (0.3048 when B may be in feet).
     """
     for windows in _WINDOWS:
         trials = []
         for direction in directions:
             b = y if direction > 0 else -y[::-1]
-            chain = _long_chain(x, b, unit * (1 - scale_range), unit * (1 + scale_range), windows)
+            chain = _long_chain(x, b, 1 - scale_range, 1 + scale_range, windows)
             trials.append((chain[0] if chain else 0.0, direction, b, chain))
             if trials[-1][0] > _CERTAIN:
                 break
@@ -80,8 +77,14 @@ def find_seeds(
     return Seeds(direction, scale, i, j, local, noise, (weight, trials[1][0] if len(trials) > 1 else 0.0))
 
 
-def band(n: int, m: int, i: np.ndarray, j: np.ndarray, half_width: int) -> Band:
+def band(n: int, m: int, i: np.ndarray, j: np.ndarray, half_width: int | np.ndarray) -> Band:
     """Return the band of the alignment.
+
+    Parameters
+    ----------
+    n, m : welds of A and of B.
+    i, j : anchors, rising.
+    half_width : columns on each side of an anchor's diagonal, of all rows or of each (n).
 
     Notes
     -----

@@ -21,8 +21,9 @@ def stretch_rows(pair: PairAlignment, a: WeldList, b: WeldList) -> list[dict[str
     -----
     A stretch ends where pipe was replaced between two pairs: where both runs list welds between them that have no partner.
     ``margin_nats`` is the log weight of the best alignment minus that of the best one which pairs no weld of the stretch as the
-    best one does, both over the stretch and 60 welds on each side, within the band of the posteriors; ``least_probability`` is
-    that of its least certain weld. A margin below some 7 nats (odds of a thousand) wants a look.
+    best one does, both over the stretch and 60 welds on each side, within the band of the posteriors (4 welds on each
+    side of the best path): rivals further off do not count. A locked pair adds 41 nats, which is no evidence.
+    ``least_probability`` is that of its least certain weld. A margin below some 7 nats (odds of a thousand) wants a look.
     """
     at = np.flatnonzero(pair.partner >= 0)
     if not at.size:

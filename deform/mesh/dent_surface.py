@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import xarray as xr
 
+from deform.mesh.colours import legend
 from deform.mesh.surface import Surface, steel
 from deform.options import MeshOptions
 
@@ -17,19 +16,6 @@ _POSITIVE = {
     "change": "deeper than in the first run",
     "strain": "effective strain, of inner and outer wall the larger",
 }
-
-
-def read_window(path: Path, chainage: float, half_length: float) -> xr.Dataset | None:
-    """Return group ``/caliper`` of a run within ``half_length`` (m) of a chainage (m); None with fewer than five scans there."""
-    engine = "zarr" if Path(path).suffix == ".zarr" else "netcdf4"
-    try:
-        with xr.open_dataset(path, engine=engine, group="caliper", decode_times=False) as wall:
-            first, last = np.searchsorted(
-                np.asarray(wall["chainage"].values, float), [chainage - half_length, chainage + half_length]
-            )
-            return wall.isel(scan=slice(int(first), int(last))).load() if last - first >= 5 else None
-    except (OSError, KeyError, ValueError):
-        return None
 
 
 def half_length(length_m: float, options: MeshOptions) -> float:
@@ -70,7 +56,6 @@ def dent_surface(
         fields["change_m"] = depth.values - on_grid(before, depth).values
     fields["strain"] = np.full(depth.shape, np.nan) if strain is None else strain.values
     value = {"depth": fields["depth_m"], "change": fields["change_m"], "strain": fields["strain"]}[options.colour]
-    finite = value[np.isfinite(value)]
     meaning = {
         "unit": "m",
         "frame": FRAME,
@@ -79,13 +64,7 @@ def dent_surface(
         "reference_radius_m": reference,
         "wall_thickness_m": float(wall_thickness),
         "depth_exaggeration": float(options.exaggeration),
-        "colour": {
-            "shows": options.colour,
-            "unit": _UNITS[options.colour],
-            "positive": _POSITIVE[options.colour],
-            "low": float(finite.min()) if finite.size else None,
-            "high": float(finite.max()) if finite.size else None,
-        },
+        "colour": legend(value, options.colour, _UNITS[options.colour]) | {"positive": _POSITIVE[options.colour]},
     }
     known = {name: values for name, values in fields.items() if np.isfinite(values).any()}
     return steel(points[0], points[1], value, meaning, known)
@@ -96,7 +75,7 @@ def depth_grid(window: xr.Dataset, chainage: float, half: float, options: MeshOp
 
     Parameters
     ----------
-    window : ``radius(scan, clock)`` and ``chainage(scan)`` in metre, from `read_window`.
+    window : ``radius(scan, clock)`` and ``chainage(scan)`` in metre, from `run.store.read_wall`.
     chainage : of the apex in this run, metre.
     half : half the axial extent, metre.
     options : steps.

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from deform.geometry.earth import geodetic_to_local
+from deform.mesh.colours import legend
 from deform.mesh.surface import Surface, steel
 from deform.options import MeshOptions
 
@@ -31,10 +32,11 @@ def zone_shell(
     -------
     Surface or None
         x east, y north, z up from the middle of the zone, metre; the value is the size of the displacement (m), NaN where that is
-        not known: grey and not moved. None when the reference run has no coordinates there.
+        not known: grey and not moved. None when the reference run has no coordinates there, or does not state its pipe's size.
     """
     centreline = reference["centreline"].to_dataset() if "centreline" in reference.children else None
-    if centreline is None or "latitude" not in centreline:
+    radii = wall_radii(reference)
+    if radii is None or centreline is None or "latitude" not in centreline:
         return None
     s = np.arange(start_m - _MARGIN_M, end_m + _MARGIN_M + _STEP_M, _STEP_M)
     own = centreline["chainage"].values
@@ -50,10 +52,7 @@ def zone_shell(
     known = np.isfinite(moved).all(axis=1)
     path = np.stack(geodetic_to_local(latitude, longitude, height, *origin), axis=1)
     path = path + options.shell_exaggeration * np.nan_to_num(moved)
-    outer = float(reference.attrs.get("outside_diameter_m", 0.5)) / 2
-    inner = outer - float(reference.attrs.get("nominal_wall_m", 0.01))
     size = np.where(known, np.linalg.norm(moved, axis=1), np.nan)
-    shown = size[known]
     meaning = {
         "unit": "m",
         "frame": "x east, y north, z up, tangent at the middle of the zone on the reference run; the same in every run",
@@ -65,16 +64,17 @@ def zone_shell(
         "end_m": float(s[-1]),
         "displacement_exaggeration": float(options.shell_exaggeration),
         "displacement_unknown_m": float((~known).sum() * _STEP_M),
-        "colour": {
-            "shows": "displacement",
-            "unit": "m",
-            "low": float(shown.min()) if shown.size else None,
-            "high": float(shown.max()) if shown.size else None,
-        },
+        "colour": legend(size, "displacement", "m"),
     }
-    walls = [_tube(path, radius) for radius in (inner, outer)]
+    walls = [_tube(path, radius) for radius in radii]
     value = np.repeat(size[:, None], _AROUND, axis=1)
     return steel(walls[0], walls[1], value, meaning, {"displacement_m": value})
+
+
+def wall_radii(reference: xr.DataTree) -> tuple[float, float] | None:
+    """Return inner and outer radius (m) of the pipe as a run states it; None when it does not."""
+    diameter, wall = (float(reference.attrs.get(name, np.nan)) for name in ("outside_diameter_m", "nominal_wall_m"))
+    return (diameter / 2 - wall, diameter / 2) if 0 < wall < diameter / 2 else None
 
 
 def displacement(comparison: xr.Dataset, run: str, s: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from scipy.ndimage import gaussian_filter, zoom
 
-from deform.palette import CHANGE, DEPTH, DEPTH_LEAST, Scale, paint
+from deform.mesh.colours import colours
 
 _HALF_WIDTH_DEG = 75.0
 _LIGHT = np.array([-0.45, 0.55, 0.70])
@@ -15,7 +15,13 @@ _LINES = (0.1, 0.25, 0.5, 0.75)  # of the deepest; the first is where length and
 _INK = np.array([60, 66, 74]) / 255
 
 
-def preview(depth: xr.DataArray, top: float | None = None, value: np.ndarray | None = None, width: int = 720) -> np.ndarray:
+def preview(
+    depth: xr.DataArray,
+    top: float | None = None,
+    value: np.ndarray | None = None,
+    shows: str = "depth",
+    width: int = 720,
+) -> np.ndarray:
     """Return a picture (rows, width, 3) of 8-bit colours: the wall seen from inside, the dent in the middle, shaded from above.
 
     Downstream is to the right, clockwise is downward. Lines stand at a tenth, a quarter, a half and three quarters of the depth.
@@ -24,7 +30,8 @@ def preview(depth: xr.DataArray, top: float | None = None, value: np.ndarray | N
     ----------
     depth : ``depth(distance, clock)`` in metre, positive inward; attributes ``radius_m`` and, when known, ``clock_deg``.
     top : depth at which the colours end, such as that of the deepest run; default the greatest of this one.
-    value : what the colour shows in place of depth, on the same grid: signed for a change (white at zero), grey where unknown.
+    value : what the colour shows in place of depth, on the same grid; grey where unknown.
+    shows : its name, ``change`` or ``strain``, which choose the scale as `colours` does for the surface.
     width : of the picture, pixels along the pipe.
     """
     at = depth.attrs.get("clock_deg")
@@ -43,7 +50,11 @@ def preview(depth: xr.DataArray, top: float | None = None, value: np.ndarray | N
     normal = np.stack([-slope_along, slope_down, np.ones_like(fine)], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     shade = np.clip(normal @ (_LIGHT / np.linalg.norm(_LIGHT)), 0.15, 1.0) / (_LIGHT[2] / np.linalg.norm(_LIGHT))
-    shown = _colours(fine, top or float(fine.max()), None if value is None else _enlarged(value[:, order].T, rows, width, 0))
+    if value is None:
+        shown = colours(fine.ravel(), "depth", top)
+    else:
+        shown = colours(_enlarged(value[:, order].T, rows, width, 0).ravel(), shows)
+    shown = shown.reshape(*fine.shape, 3)
     picture = np.clip(shown * (0.45 + 0.55 * shade[..., None]), 0, 1)
     picture[_edges(fine, [share * float(fine.max()) for share in _LINES])] = _INK
     return np.ascontiguousarray(np.rint(255 * picture).astype(np.uint8))
@@ -52,19 +63,6 @@ def preview(depth: xr.DataArray, top: float | None = None, value: np.ndarray | N
 def _enlarged(values: np.ndarray, rows: int, width: int, order: int) -> np.ndarray:
     factors = (rows / values.shape[0], width / values.shape[1])
     return zoom(values, factors, order=order, mode="nearest", grid_mode=True)
-
-
-def _colours(depth: np.ndarray, top: float, value: np.ndarray | None) -> np.ndarray:
-    scale: Scale
-    if value is None:
-        place, scale = (depth / max(top, 1e-9) - DEPTH_LEAST) / (1 - DEPTH_LEAST), DEPTH
-    elif (value[np.isfinite(value)] < 0).any():
-        most = np.nanmax(np.abs(value))
-        place, scale = 0.5 + 0.5 * value / max(most, 1e-12), CHANGE
-    else:
-        most = np.nanmax(value) if np.isfinite(value).any() else 1.0
-        place, scale = (value / max(most, 1e-12) - DEPTH_LEAST) / (1 - DEPTH_LEAST), DEPTH
-    return paint(np.clip(place, 0, 1).ravel(), scale).reshape(*depth.shape, 3)
 
 
 def _edges(values: np.ndarray, levels: list[float]) -> np.ndarray:

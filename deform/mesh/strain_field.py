@@ -27,7 +27,7 @@ def strain_grid(
 
     Parameters
     ----------
-    window : ``radius(scan, clock)``, ``chainage(scan)`` in metre, from `dent_surface.read_window`.
+    window : ``radius(scan, clock)``, ``chainage(scan)`` in metre, from `run.store.read_wall`.
     depth : grid on which the strain is wanted; attributes ``chainage_m`` and ``radius_m``.
     clock_deg, depth_m, length_m, width_m : of the dent, as its table says.
     wall_thickness : metre.

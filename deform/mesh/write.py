@@ -12,13 +12,13 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from deform.errors import Fault, OptionError
-from deform.mesh.colours import colours, scale_ends
+from deform.errors import Fault, InputError, OptionError
+from deform.mesh.colours import colours
 from deform.mesh.compare import inner_wall_movement
-from deform.mesh.dent_surface import dent_surface, depth_grid, half_length, read_window
+from deform.mesh.dent_surface import dent_surface, depth_grid, half_length
 from deform.mesh.formats import WRITERS
 from deform.mesh.library import library
-from deform.mesh.pipe_shell import zone_shell
+from deform.mesh.pipe_shell import wall_radii, zone_shell
 from deform.mesh.preview import preview
 from deform.mesh.strain_field import strain_grid
 from deform.mesh.surface import Surface
@@ -27,16 +27,39 @@ from deform.run import store
 
 _log = logging.getLogger(__name__)
 _NOT_THERE = ("removed", "unmeasured", "copied")
-_FALLBACK_WALL_M = 0.006
+_SAME_M = 0.05  # from a dent of the table to the one of the run that it is
 FORMATS = (*WRITERS, "png")
 
 
 @dataclass(frozen=True)
 class _Run:
-    """Where a run lies, and its attributes."""
+    """Where a run lies, its attributes and its dents."""
 
     path: Path
-    attrs: dict[str, Any]
+    attrs: dict[Any, Any]
+    dents: xr.Dataset
+
+    @staticmethod
+    def of(folder: Path, run: str) -> _Run:
+        """Read attributes and dents of a run; none of either where it cannot be read."""
+        path = store.run_path(folder, run)
+        try:
+            tree = store.read_run(path, groups=("dents",))
+        except InputError:
+            return _Run(path, {}, xr.Dataset())
+        return _Run(path, tree.attrs, tree["dents"].to_dataset() if "dents" in tree.children else xr.Dataset())
+
+    def wall_at(self, chainage: float) -> float:
+        """Return the wall thickness (m) that the strain of the dent at a chainage (m) was computed with; NaN when none is known.
+
+        That is its joint's own where the run measured one, else the nominal one (`strain.dent.add_dent_strain`).
+        """
+        if "wall_thickness" in self.dents and self.dents.sizes["dent"]:
+            away = np.abs(self.dents["chainage"].values - chainage)
+            own = float(self.dents["wall_thickness"].values[int(np.argmin(away))])
+            if away.min() <= _SAME_M and own > 0:
+                return own
+        return float(self.attrs.get("nominal_wall_m", np.nan))
 
 
 @dataclass(frozen=True)
@@ -77,7 +100,7 @@ def write_dent_surfaces(
     """
     folder, options, wanted = Path(folder), options or MeshOptions(), _known(formats)
     table = _dents(folder)
-    runs = {run: _Run(_run_path(folder, run), _attrs(_run_path(folder, run))) for run in table.run.unique()}
+    runs = {run: _Run.of(folder, run) for run in table.run.unique()}
     written: list[Path] = []
     done = 0
     for dent, rows in table.groupby("dent_id", sort=False):
@@ -86,9 +109,7 @@ def write_dent_surfaces(
         half = half_length(float(rows.length_m.max()), options)  # one extent for all years
         for row in list[Any](rows.itertuples(index=False)):
             measured = _of_row(runs[row.run], row, half, options, first[1].depth if first else None)
-            if measured is None:
-                _log.warning("dent %s in %s: no wall map at %.2f m, so no surface", dent, row.run, row.run_chainage_m)
-            else:
+            if measured is not None:
                 surface = replace(measured.drawn, meaning=_meaning(runs[row.run], row, measured, first))
                 stem = folder / "dents" / f"{dent}_{row.run}"
                 written += write_surface(surface, stem, wanted)
@@ -115,7 +136,10 @@ def write_zone_shells(
     comparison = store.read_dataset(folder / "comparison.nc")
     if zones.empty or "displacement_east" not in comparison:
         return []
-    reference = store.read_run(_run_path(folder, str(comparison.attrs["reference"])), groups=("centreline",))
+    reference = store.read_run(store.run_path(folder, str(comparison.attrs["reference"])), groups=("centreline",))
+    if wall_radii(reference) is None:
+        _log.warning("run %s states no diameter and wall thickness: no shells of zones are drawn", comparison.attrs["reference"])
+        return []
     written: list[Path] = []
     for zone in list[Any](zones[zones.kind != "reconfiguration"].itertuples(index=False)):
         for run in comparison["epoch"].values:
@@ -128,9 +152,7 @@ def write_zone_shells(
 
 def write_surface(surface: Surface, stem: Path, formats: Iterable[str]) -> list[Path]:
     """Write one surface in several formats, and its sidecar; return the paths. A preview is no format of a surface."""
-    diverging = surface.meaning["colour"]["shows"] == "change"
-    paint = colours(surface.value, diverging=diverging)
-    low, high = scale_ends(surface.value, diverging=diverging)
+    paint = colours(surface.value, surface.meaning["colour"]["shows"])
     written = []
     for name in formats:
         if name in WRITERS:
@@ -139,7 +161,6 @@ def write_surface(surface: Surface, stem: Path, formats: Iterable[str]) -> list[
                 WRITERS[name](surface, paint, place)
             written.append(path)
     further = {
-        "colour_scale": {"low": low, "high": high},
         "fields": sorted(surface.fields),
         "glb_axes": "y up, as glTF asks: the node turns x, y, z into x, z, -y",
         "vertices": len(surface.vertices),
@@ -156,7 +177,7 @@ def _write_preview(measured: _Measured, options: MeshOptions, top: float | None,
     if options.colour != "depth":
         value = measured.true.value[: measured.depth.size].reshape(measured.depth.shape)
     with store.atomic(path) as place:
-        o3d.io.write_image(str(place), o3d.geometry.Image(preview(measured.depth, top, value)))
+        o3d.io.write_image(str(place), o3d.geometry.Image(preview(measured.depth, top, value, options.colour)))
     return path
 
 
@@ -178,15 +199,18 @@ def _dents(folder: Path) -> pd.DataFrame:
 
 
 def _of_row(run: _Run, row: Any, half: float, options: MeshOptions, before: xr.DataArray | None) -> _Measured | None:
-    window = read_window(run.path, row.run_chainage_m, half + options.step_m)
-    if window is None:
-        return None
-    try:
-        depth = depth_grid(window, row.run_chainage_m, half, options)
-    except (IndexError, ValueError):
+    """Return a dent of the table as its run measured it; None, with a warning, where map or wall thickness is not known."""
+    window = store.read_wall(run.path, row.run_chainage_m, half + options.step_m)
+    depth = None if window is None else _grid(window, row.run_chainage_m, half, options)
+    if window is None or depth is None:
+        _log.warning("dent %s in %s: no wall map at %.2f m, so no surface", row.dent_id, row.run, row.run_chainage_m)
         return None
     depth.attrs["clock_deg"] = None if pd.isna(row.clock_deg) else float(row.clock_deg)
-    wall = float(run.attrs.get("nominal_wall_m", _FALLBACK_WALL_M))
+    wall = run.wall_at(row.run_chainage_m)
+    if not np.isfinite(wall):
+        text = "dent %s in %s: neither its joint's wall thickness nor the nominal one is stated, so no surface"
+        _log.warning(text, row.dent_id, row.run)
+        return None
     strain = strain_grid(
         window,
         depth,
@@ -204,6 +228,13 @@ def _of_row(run: _Run, row: Any, half: float, options: MeshOptions, before: xr.D
     return _Measured(depth, *surfaces)
 
 
+def _grid(window: xr.Dataset, chainage: float, half: float, options: MeshOptions) -> xr.DataArray | None:
+    try:
+        return depth_grid(window, chainage, half, options)
+    except (IndexError, ValueError):  # no scan of the window is whole enough
+        return None
+
+
 def _meaning(run: _Run, row: Any, measured: _Measured, first: tuple[str, _Measured] | None) -> dict[str, Any]:
     """Return the words of a sidecar: who and when, those of the surface, and how far the wall moved since the first run."""
     who = {
@@ -218,16 +249,3 @@ def _meaning(run: _Run, row: Any, measured: _Measured, first: tuple[str, _Measur
         who["strain_max"] = float(np.nanmax(measured.true.fields["strain"]))
     since = {} if first is None else {"moved_since": {"run": first[0], **inner_wall_movement(measured.true, first[1].true)}}
     return who | measured.drawn.meaning | since
-
-
-def _attrs(path: Path) -> dict[str, Any]:
-    """Return the attributes of a run; nothing else of it is read."""
-    try:
-        with xr.open_dataset(path, engine="zarr" if path.suffix == ".zarr" else "netcdf4") as root:
-            return dict(root.attrs)
-    except (OSError, ValueError):
-        return {}
-
-
-def _run_path(folder: Path, run: str) -> Path:
-    return next((p for end in ("nc", "zarr") if (p := folder / "runs" / f"{run}.{end}").exists()), folder / "runs" / f"{run}.nc")

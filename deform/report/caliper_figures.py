@@ -8,23 +8,25 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from deform.geometry.circle import SectionFit, adjust_ellipse
+from deform.report.quantities import measure
 from deform.report.style import EPOCHS, FAINT, INK, MATPLOTLIB
 from deform.units import clock_text
 
-_READING_SIGMA_M = 3e-4  # of a cell of the wall, where the dataset does not say
+_READING_SIGMA_M = 3e-4  # assumed of a cell of the wall; what the section scatters more widens the sigmas drawn
 _HOURS = ["12:00", "3:00", "6:00", "9:00"]
 _OUTWARD = "RdBu_r"  # blue inward as in the dent cards, red outward
 _PUP_SHARE = 0.5
 
 
-def section_residuals(wall: xr.Dataset, chainage: float, depth_scale: float | None = None) -> Figure:
+def section_residuals(wall: xr.Dataset, chainage: float) -> Figure:
     """Return a cross-section with its adjusted ellipse and scaled residuals (Porter 1990, Fig. 2-7 and 4-6).
+
+    Residuals are drawn so many times too large that the largest takes about a third of the radius; the title says how many.
 
     Parameters
     ----------
     wall : group ``caliper``.
     chainage : m; the nearest section is drawn.
-    depth_scale : factor of the residuals; default such that the largest takes a third of the radius.
     """
     row = int(np.argmin(np.abs(wall["chainage"].values - chainage)))
     clock, radius = np.radians(wall["clock"].values.astype(float)), wall["radius"].values[row].astype(float)
@@ -33,7 +35,7 @@ def section_residuals(wall: xr.Dataset, chainage: float, depth_scale: float | No
     residual = fit.residual[0]
     mean = 0.5 * float(fit.semi_major[0] + fit.semi_minor[0])
     largest = float(np.nanmax(np.abs(residual)))
-    scale = depth_scale or max(1.0, float(f"{mean / 3 / max(largest, 1e-6):.1g}"))
+    scale = max(1.0, float(f"{mean / 3 / max(largest, 1e-6):.1g}"))
     with rc_context(MATPLOTLIB):
         figure = Figure(figsize=(9.2, 3.6), layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=[1.15, 1])
@@ -106,7 +108,7 @@ def dent_profiles(window: xr.Dataset) -> Figure:
         axes[0].set_ylabel("wall against the undamaged pipe (mm)\n+ = outward")
         axes[0].set_title(
             f"Dent at {window.attrs['chainage_m']:.2f} m, {clock_text(window.attrs['clock_deg'])}: "
-            f"{window.attrs['depth_m'] * 1e3:.1f} ± {1.96 * window.attrs['depth_sigma_m'] * 1e3:.1f} mm deep"
+            f"{measure('dent depth', window.attrs['depth_m'], window.attrs['depth_sigma_m'])} deep (± 1 σ)"
         )
     return figure
 
@@ -150,14 +152,14 @@ def profile_dataset(wall: xr.Dataset, dents: xr.Dataset, index: int, outside_dia
     return xr.Dataset(values, coords={"distance": place[near], "arc": arc[across]}, attrs=attrs)
 
 
-def joint_lengths(welds: xr.Dataset, nominal_joint: float | None = None) -> Figure:
+def joint_lengths(welds: xr.Dataset) -> Figure:
     """Return the histogram of the joint lengths of a run.
 
     Parameters
     ----------
-    welds : group ``welds``.
-    nominal_joint : m; shorter than half of it counts as a pup.
+    welds : group ``welds``; where its attribute ``nominal_joint_m`` is stated, what is shorter than half of it counts as a pup.
     """
+    nominal_joint = float(welds.attrs.get("nominal_joint_m", np.nan))
     length = welds["joint_length"].values.astype(float)
     sigma = welds["joint_length_sigma"].values[np.isfinite(length)] if "joint_length_sigma" in welds else np.empty(0)
     length = length[np.isfinite(length)]
@@ -170,7 +172,7 @@ def joint_lengths(welds: xr.Dataset, nominal_joint: float | None = None) -> Figu
             counts = np.histogram(length, edges)[0]
             ax.stairs(counts, edges, fill=True, color=EPOCHS[0])
             words = f"{length.size} joints, median {np.median(length):.2f} m"
-            if nominal_joint:
+            if np.isfinite(nominal_joint):
                 words += f", {int((length < _PUP_SHARE * nominal_joint).sum())} pups"
             if np.isfinite(sigma).any():
                 words += f"; a length is sure to {np.nanmedian(sigma) * 1e3:.0f} mm (1 σ)"
@@ -199,8 +201,8 @@ def _draw_section(ax, fit: SectionFit, clock: np.ndarray, residual: np.ndarray, 
     ax.plot(*(drawn[closed].T * 1e3), color=EPOCHS[0], label="wall, residuals scaled")
     for start, end in zip(at, drawn, strict=True):
         ax.plot(*(np.stack([start, end]).T * 1e3), color=EPOCHS[1], linewidth=0.5)
-    ovality, sigma = float(fit.ovality[0]) * 100, float(fit.ovality_sigma[0] * max(1.0, fit.sigma_unit[0])) * 100
-    words = f"diameter {2e3 * a:.1f} and {2e3 * b:.1f} mm\novality {ovality:.2f} ± {1.96 * sigma:.2f} %"
+    ovality = measure("ovality", fit.ovality[0], fit.ovality_sigma[0] * max(1.0, fit.sigma_unit[0]))
+    words = f"diameter {measure('diameter', 2 * a).number} and {measure('diameter', 2 * b)}\novality {ovality} (± 1 σ)"
     ax.text(0.0, 0.0, words, ha="center", va="center", fontsize=7)
     ax.set_aspect("equal")
     ax.grid(visible=False)

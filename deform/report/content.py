@@ -154,7 +154,7 @@ def _run(path: Path) -> xr.DataTree:
 
 def _shown(path: Path, group: str | None, names: tuple[str, ...]) -> xr.Dataset:
     """Return the named variables of a group that are there, read one by one."""
-    with xr.open_dataset(path, engine=_engine(path), group=group, decode_times=False) as ds:
+    with xr.open_dataset(path, engine=store.engine(path), group=group, decode_times=False) as ds:
         found = {}
         for name in names:
             if name in ds:
@@ -164,28 +164,9 @@ def _shown(path: Path, group: str | None, names: tuple[str, ...]) -> xr.Dataset:
         return xr.Dataset(found, coords, ds.attrs)
 
 
-def _engine(path: Path) -> str:
-    return "zarr" if path.suffix == ".zarr" else "netcdf4"
-
-
 def wall_window(content: Content, run: str, chainage: float, half_length: float) -> xr.Dataset | None:
-    """Return the wall map (`radius`, `clock`) of a run within ``half_length`` (m) of a chainage (m, this run's own).
-
-    Only the scans of the window are read. None when the run has no wall map, or fewer than five scans there.
-    """
-    path = next(iter(content.folder.glob(f"runs/{run}.*")), None)
-    if path is None:
-        return None
-    try:
-        with xr.open_dataset(path, engine=_engine(path), group="caliper", decode_times=False) as wall:
-            at = np.asarray(wall["chainage"].values, float)
-            first, last = np.searchsorted(at, [chainage - half_length, chainage + half_length])
-            if last - first < 5:
-                return None
-            part = wall.isel(scan=slice(int(first), int(last))).load()
-    except (OSError, KeyError, ValueError):
-        return None
-    return part.drop_encoding()
+    """Return the wall map of a run about a chainage, as `run.store.read_wall` gives it."""
+    return store.read_wall(store.run_path(content.folder, run), chainage, half_length)
 
 
 def records(frame: pd.DataFrame) -> list[Any]:

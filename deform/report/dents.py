@@ -18,7 +18,7 @@ _URGENCY = {"grown": 0, "new": 1, "rerounded": 2}
 
 
 def dent_rows(content: Content) -> list[dict[str, Any]]:
-    """Return one entry per dent with its sizes in every run; grown and new dents first, then by depth."""
+    """Return one entry per dent with its sizes in every run; grown and new dents first, then by depth, those cut out last."""
     order = {name: i for i, name in enumerate(content.ids)}
     trends = dict(list(content.tables["trends"].groupby("subject")))
     groups: dict[str, list[Any]] = {}
@@ -26,8 +26,14 @@ def dent_rows(content: Content) -> list[dict[str, Any]]:
     for row in sorted(records(table.assign(status=told_status(table))), key=lambda r: order.get(r.run, -1)):
         groups.setdefault(str(row.dent_id), []).append(row)
     rows = [_entry(dent, group, trends.get(dent), content.outside_diameter) for dent, group in groups.items()]
-    rows.sort(key=lambda r: (_URGENCY.get(r["status"], 3), -(r["depth_value"] if np.isfinite(r["depth_value"]) else -1)))
+    rows.sort(key=lambda r: (_URGENCY.get(r["status"], 3), r["status"] == "removed", -(r["depth"].value if r["depth"] else -1)))
     return rows
+
+
+def deepest(dents: list[dict[str, Any]]) -> dict[str, Any] | None:
+    """Return the dent of the greatest depth, each as the last run that measured it says; what was cut out is gone."""
+    left = [d for d in dents if d["status"] != "removed" and d["depth"]]
+    return max(left, key=lambda d: d["depth"].value, default=None)
 
 
 def told_status(table: pd.DataFrame) -> pd.Series:
@@ -36,18 +42,21 @@ def told_status(table: pd.DataFrame) -> pd.Series:
 
 
 def _entry(dent: str, group: list[Any], trends: pd.DataFrame | None, diameter: float) -> dict[str, Any]:
+    """Return one dent: its status in the last run that names it, its sizes in the last run that measured it."""
     last, epochs = group[-1], [_epoch(row, diameter) for row in group]
     going_on = "" if trends is None else headline(trends)
-    return epochs[-1] | {
+    sized = next((e for e in reversed(epochs) if e["depth"]), epochs[-1])
+    return sized | {
         "id": dent,
+        "status": str(last.status),
         "joint": last.joint_id or NOTHING,
         "chainage": float(last.reference_chainage_m),
         "place": measure("chainage", last.reference_chainage_m),
-        "clock_deg": last.clock_deg,
-        "depth_value": max((float(row.depth_m) for row in group if np.isfinite(row.depth_m)), default=np.nan),
+        "clock_deg": sized["clock_value"],
         "compared": any(not pd.isna(row.depth_change_m) for row in group),
         "epochs": epochs,
         "going_on": going_on,
+        "reason": sentence(last.reason),
         "headline": going_on or sentence(last.reason),
         "reasons": [f"{row.run}: {row.reason}" for row in group if row.reason],
     }

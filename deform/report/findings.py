@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from deform.report.content import Content
+from deform.report.dents import deepest
 from deform.report.quantities import measure
 from deform.report.runs import largest
 from deform.report.words import NOTHING, count, number
@@ -29,8 +30,8 @@ def verdict(content: Content, zones: list[dict], dents: list[dict]) -> list[str]
     """Return the findings of the survey, one sentence each, the gravest first."""
     if len(content.runs) == 1:
         alone = f"One run ({content.ids[0]}): what the pipe is like today. Change needs a second run."
-        return [alone, *_extremes(content), *_dent_verdict(dents, 1)]
-    return [*_movement(content, zones), *_joint_verdict(content), *_dent_verdict(dents, len(content.runs))]
+        return [alone, *_extremes(content), *_dent_verdict(content, dents)]
+    return [*_movement(content, zones), *_joint_verdict(content), *_dent_verdict(content, dents)]
 
 
 def _movement(content: Content, zones: list[dict]) -> list[str]:
@@ -78,8 +79,9 @@ def _extremes(content: Content) -> list[str]:
 
 
 def joined_welds(content: Content) -> tuple[int, int]:
-    """Return how many welds are the same steel in all runs, and how many are known."""
+    """Return how many welds are the same steel in all runs, and how many are known; a false one is no weld."""
     welds = content.tables["welds"]
+    welds = welds[welds.status != "false"]
     same = welds[welds.status.isin(["matched", "shifted"])]
     return int((same.groupby("weld_id").run.nunique() == len(content.runs)).sum()), int(welds.weld_id.nunique())
 
@@ -105,15 +107,16 @@ def _joint_verdict(content: Content) -> list[str]:
     return []
 
 
-def _dent_verdict(dents: list[dict], n_runs: int) -> list[str]:
+def _dent_verdict(content: Content, dents: list[dict]) -> list[str]:
     if not dents:
         return []
-    deepest = max((d for d in dents if np.isfinite(d["depth_value"])), key=lambda d: d["depth_value"], default=None)
-    deep = (
-        f"; the deepest is {deepest['id']}, {deepest['depth']} ({deepest['depth_share']})" if deepest and deepest["depth"] else ""
-    )
+    first, deep = deepest(dents), ""
+    if first:
+        share = f" ({first['depth_share']})" if first["depth_share"] else ""
+        when = f" in {first['run']}" if first["run"] != content.ids[-1] else ""
+        deep = f"; the deepest is {first['id']}, {first['depth']}{share}{when}"
     said = [f"{count(len(dents), 'dent')}{deep}."]
-    if n_runs == 1:
+    if len(content.runs) == 1:
         return said
     changes = []
     for word, text in _DENT_WORDS.items():

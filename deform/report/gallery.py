@@ -97,7 +97,8 @@ def _each_run(view: Callable[[Content, str], xr.Dataset | None]) -> Callable[[Gi
 def _joints(content: Content, run: str) -> xr.Dataset | None:
     welds = content.group(run, "welds")
     known = welds is not None and "joint_length" in welds and np.isfinite(welds["joint_length"].values).any()
-    return welds if known else None
+    stated = {k: v for k, v in content.run(run).attrs.items() if k == "nominal_joint_m"}
+    return welds.assign_attrs(stated) if known and welds is not None else None
 
 
 def _pairs(given: Given) -> Datasets:
@@ -178,6 +179,13 @@ PLATES = (
         "Welds of {} about the first that has no partner; a link is one weld, a cross stands where a run should list one.",
         _parted,
         match_figures.ribbon,
+        "print",
+    ),
+    Plate(
+        "welds",
+        "Matching of {}: one minus the probability of every pair; those above the red line want a look.",
+        _pairs,
+        match_figures.probability_strip,
         "print",
     ),
     Plate("welds", "Odometers of {}: place of each common weld, later against earlier run.", _pairs, match_figures.drift),

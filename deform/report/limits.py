@@ -29,7 +29,7 @@ def floor_rows(content: Content) -> list[dict[str, Any]]:
 
 
 def detection_rows(content: Content) -> list[dict[str, Any]]:
-    """Return the least amplitude of a movement that each pair of runs shows, by its length and component."""
+    """Return the least amplitude of a movement, and the least elongation, that each pair of runs shows, by its length."""
     table = _table(content)
     return [
         {
@@ -39,7 +39,8 @@ def detection_rows(content: Content) -> list[dict[str, Any]]:
             "half": measure("noise", getattr(row, "limit_displacement_m", None)),
             "ninety": measure("noise", getattr(row, "limit_90_displacement_m", None)),
             "strain": measure("strain noise", getattr(row, "limit_strain_change", None)),
-            "elongation": measure("elongation", getattr(row, "limit_axial_strain", None)),
+            "axial": measure("axial strain", getattr(row, "limit_axial_strain", None)),
+            "elongation": measure("noise", getattr(row, "limit_elongation_m", None)),
             "decided": _text(getattr(row, "decided_by", "")),
         }
         for row in records(table[table.wavelength_m.notna()])

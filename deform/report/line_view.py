@@ -128,7 +128,8 @@ def _reduced(s: np.ndarray, values: np.ndarray | None, pieces: np.ndarray | None
         return values
     ends = np.append(pieces[1:], s.size)
     if how == "stride":
-        return np.stack([values[pieces], values[(pieces + ends) // 2]], 1).ravel()
+        second = np.append(((pieces + ends) // 2)[:-1], s.size - 1)  # the line is drawn to its end
+        return np.stack([values[pieces], values[second]], 1).ravel()
     least, most = np.fmin.reduceat(values, pieces), np.fmax.reduceat(values, pieces)
     if how == "greatest":
         return np.stack([most, most], 1).ravel()

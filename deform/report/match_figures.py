@@ -1,4 +1,4 @@
-"""The matched welds of two runs in, four figures out: ribbon of joints with links, length differences, drift, probability."""
+"""The matched welds of two runs in, one figure out: ribbon of joints with links, length differences, drift, or probability."""
 
 from __future__ import annotations
 
@@ -58,15 +58,13 @@ def match_data(welds: pd.DataFrame, run_a: str, run_b: str) -> xr.Dataset:
 
 
 @rc_context(MATPLOTLIB)
-def ribbon(data: xr.Dataset, start: float | None = None, end: float | None = None) -> Figure:
+def ribbon(data: xr.Dataset) -> Figure:
     """Both runs' welds as ticks along two lines, links between what is one weld, and what has no partner in its colour.
 
-    Parameters
-    ----------
-    start, end : reference chainage (metre); default a piece of 40 welds about the first weld that is not matched.
+    Forty welds are shown, about the first one that has no partner.
     """
     place = data["reference_chainage"].values
-    first, last = _piece(data, start, end)
+    first, last = _piece(data)
     shown = (place >= first) & (place <= last)
     figure, axes = _figure(2.4)
     for level, end_name in ((1.0, "a"), (0.0, "b")):
@@ -151,13 +149,13 @@ def _figure(height: float) -> tuple[Figure, Any]:
     return figure, figure.subplots()
 
 
-def _piece(data: xr.Dataset, start: float | None, end: float | None) -> tuple[float, float]:
+def _piece(data: xr.Dataset) -> tuple[float, float]:
     """Where the ribbon begins and ends."""
     place = data["reference_chainage"].values
     odd = np.flatnonzero(~np.isfinite(data["probability"].values))
     middle = int(odd[0]) if odd.size else place.size // 2
     low, high = max(middle - 20, 0), min(middle + 20, place.size - 1)
-    return (float(place[low]) if start is None else start), (float(place[high]) if end is None else end)
+    return float(place[low]), float(place[high])
 
 
 def _differences(data: xr.Dataset) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -15,6 +15,7 @@ from deform.report import figures, line_figures
 from deform.report.content import Content
 from deform.report.context import build_context
 from deform.report.dent_views import dent_dataset
+from deform.report.findings import joined_welds
 from deform.report.gallery import Given, drawn
 from deform.report.quality import quality
 from deform.report.svg import literal, png
@@ -69,7 +70,7 @@ def pdf_context(content: Content, options: ReportOptions) -> dict[str, Any]:
         "quality": quality(content),
         "weld_runs": welds["runs"],
         "weld_rows": odd[:_MOST_WELD_ROWS],
-        "weld_count": len(welds["rows"]),
+        "weld_count": joined_welds(content)[1],
         "weld_cut": max(len(odd) - _MOST_WELD_ROWS, 0),
         "printed": True,
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ _INNER = {"Conventions", "history", "schema_version", "id", "date", "line", "sou
 _STATUSES = ("matched", "shifted", "missed", "false", "added", "removed")
 _SHOWN_ELSEWHERE = {*TABLES, "limits", "doglegs"}
 _STILL_M_S = 0.02
+_METRES = re.compile("_m(:|$)")  # also of a column that one run has
+_SHORT_M = 10.0
 
 
 def quality(content: Content) -> dict[str, Any]:
@@ -129,7 +132,8 @@ def further_tables(content: Content) -> list[dict[str, Any]]:
 def frame_rows(name: str, frame: pd.DataFrame, most: int = 400) -> dict[str, Any]:
     """Return any table for people: its title, columns, rows of text, and how many rows were cut."""
     shown = frame.dropna(axis=1, how="all").head(most)
-    rows = [[_cell(value) for value in row] for row in shown.itertuples(index=False)]
+    places = [_holds_places(str(column), shown[column]) for column in shown.columns]
+    rows = [[_cell(*pair) for pair in zip(row, places, strict=True)] for row in shown.itertuples(index=False)]
     columns = [str(column).replace("_", " ") for column in shown.columns]
     return {"name": name, "title": name.capitalize(), "columns": columns, "rows": rows, "cut": len(frame) - len(shown)}
 
@@ -150,9 +154,17 @@ def innovation_rows(content: Content) -> dict[str, Any]:
     return {"runs": runs, "rows": [(kind, [cells.get((kind, run), (NOTHING, "", "")) for run in runs]) for kind in kinds]}
 
 
-def _cell(value: Any) -> str:
+def _holds_places(name: str, values: Any) -> bool:
+    """Return whether these are metres along a line, which want centimetres however many they are; a sigma wants its digits."""
+    sizes = np.abs(np.asarray(pd.to_numeric(pd.Series(np.ravel(values)), errors="coerce"), float))
+    return bool(_METRES.search(name)) and bool((sizes >= _SHORT_M).any())
+
+
+def _cell(value: Any, place: bool = False) -> str:
     if isinstance(value, float | np.floating):
-        return NOTHING if not np.isfinite(value) else f"{value:.4g}"
+        if place or not np.isfinite(value):
+            return number(value)
+        return f"{value:.4g}" if abs(value) < 1e4 else number(value, 0)
     return NOTHING if value is None or value is pd.NA else str(value)
 
 
@@ -160,7 +172,9 @@ def run_details(content: Content, name: str) -> dict[str, Any]:
     """Return every further attribute of a run, its groups, its repairs and its history."""
     run = content.run(name)
     attrs = [
-        (str(k).replace("_", " "), ", ".join(_cell(x) for x in np.ravel(v))) for k, v in run.attrs.items() if k not in _INNER
+        (str(k).replace("_", " "), ", ".join(_cell(x, _holds_places(str(k), v)) for x in np.ravel(v)))
+        for k, v in run.attrs.items()
+        if k not in _INNER
     ]
     given: dict[str, Any] = next((r for r in content.survey.get("runs", []) if r.get("id") == name), {})
     groups = []

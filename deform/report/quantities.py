@@ -60,7 +60,7 @@ QUANTITIES = {
     "strain noise": Quantity("µε", 1e6, 1),
     "ovality noise": Quantity("%", 1e2, 3),
     "wavelength": Quantity("m", decimals=0),
-    "elongation": Quantity("µε", 1e6, 2),
+    "axial strain": Quantity("µε", 1e6, 2),
     "speed": Quantity("m/s", decimals=2),
     "attitude": Quantity("°", decimals=4, sign=True),
     "gyro drift": Quantity("°/h", decimals=4, sign=True),

@@ -155,7 +155,7 @@ def _feature(found: xr.Dataset, kind: str) -> tuple[str, str, str]:
 
 
 def _geometry(content: Content, run: str) -> list[tuple[str, str, str]]:
-    """Return (what, value, where) of the extremes of the centreline; bends are included and said so."""
+    """Return (what, value, where) of the extremes of the centreline; strain and ovality outside bends and in them."""
     ds = content.group(run, "centreline")
     if ds is None:
         return []

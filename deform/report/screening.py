@@ -82,12 +82,14 @@ def _places(content: Content, options: ReportOptions) -> list[Entry]:
     found = []
     for zone in moved(zone_rows(content, options)):
         value = ", ".join(str(v) for v in (zone["displacement"], zone["strain"]) if v)
-        said = {"subject": zone["id"], "what": f"{zone['id']}, {zone['kind']}", "severity": zone["severity"], "value": value}
+        said = {"of": "zone", "subject": zone["id"], "what": f"{zone['id']}, {zone['kind']}", "value": value}
+        said["severity"] = zone["severity"]
         found.append(said | {"place": zone["first"], "headline": zone["headline"], "spark": _spark(content, zone["id"])})
     for dent in dent_rows(content):
         if dent["status"] in ("grown", "new"):
             value = f"{dent['depth']} ({dent['depth_share']})" if dent["depth_share"] else str(dent["depth"])
-            said = {"subject": dent["id"], "what": f"{dent['id']}, dent {dent['status']}", "severity": "medium", "value": value}
+            said = {"of": "dent", "subject": dent["id"], "what": f"{dent['id']}, dent {dent['status']}", "value": value}
+            said["severity"] = "medium"
             found.append(said | {"place": dent["place"], "headline": dent["headline"], "spark": _spark(content, dent["id"])})
     return found
 
@@ -121,18 +123,18 @@ def _line(content: Content, places: list[Entry], options: ReportOptions, link: s
     """Return one row of the table of lines: its runs, counts, the smallest movement seen, and what could not be judged."""
     zones = zone_rows(content, options)
     missing = [f"{m.get('output')}: {m.get('reason')}" for m in content.survey.get("missing", [])]
-    judged = (
-        [] if content.compares_movement or len(content.runs) < 2 else ["movement: the runs hold no positions and no curvature"]
-    )
+    blind = not content.compares_movement and len(content.runs) > 1
+    why = ["movement: the runs hold no positions and no curvature"] if blind else []
     return {
         "line": content.line,
         "link": link,
         "runs": ", ".join(f"{run} ({content.dates[run]})" if content.dates[run] else run for run in content.ids),
         "verdict": verdict(content, zones, dent_rows(content)),
         "zones": len(moved(zones)),
-        "dents": sum("dent" in place["what"] for place in places),
+        "dents": sum(place["of"] == "dent" for place in places),
+        "judged": content.compares_movement,
         "least": least_movement(content),
-        "unjudged": judged + what_is_missing(content) + missing + [f"{what}: {why}" for what, why in content.absent],
+        "unjudged": why + what_is_missing(content) + missing + [f"{what}: {reason}" for what, reason in content.absent],
     }
 
 
@@ -158,7 +160,7 @@ def _verdict(items: list[Entry], lines: list[Entry], unread: list[tuple[str, str
 
 def _facts(items: list[Entry], lines: list[Entry]) -> list[Entry]:
     high = sum(item["severity"] == "high" for item in items)
-    blind = sum(any("movement" in text for text in line["unjudged"]) for line in lines)
+    blind = sum(not line["judged"] for line in lines)
     return [
         {"name": "lines", "value": number(len(lines), 0), "note": f"{blind} without a judgement of movement"},
         {"name": "places", "value": number(len(items), 0), "note": f"{high} of high severity"},

@@ -205,7 +205,7 @@ def limits(content: Content, _: dict[str, Any]) -> Sheet:
     """Return noise floors and detection limits, one row each."""
     t = content.tables.get("limits", pd.DataFrame())
     sheet = Sheet(
-        "Limits", "Noise floors (no length of movement) and the least movement that is found. Speeds: class of the later run."
+        "Limits", "Noise floors (no length of movement) and the least movement or elongation that is found. Speeds: of both runs."
     )
     if not {"run_from", "quantity", "noise_sigma", "wavelength_m"} <= set(t.columns):
         return sheet
@@ -225,7 +225,8 @@ def limits(content: Content, _: dict[str, Any]) -> Sheet:
         ("Found in half of all cases", "noise", "limit_displacement_m"),
         ("Found in nine of ten", "noise", "limit_90_displacement_m"),
         ("Its strain change", "strain noise", "limit_strain_change"),
-        ("Its elongation", "elongation", "limit_axial_strain"),
+        ("Its axial strain", "axial strain", "limit_axial_strain"),
+        ("Elongation found in half of all cases", "noise", "limit_elongation_m"),
     ):
         if name in t:
             sheet.measured(title, quantity, t[name])

@@ -19,6 +19,7 @@ import deform.vocabulary as vocabulary
 from deform.errors import Fault, InputError
 from deform.run import build, schema
 
+_LEAST_SCANS = 5  # of a window of the wall
 _INT32_FILL = np.int32(-(2**31))
 
 
@@ -40,6 +41,17 @@ def atomic(path: Path) -> Iterator[Path]:
         os.replace(place, path)
     finally:
         shutil.rmtree(place, ignore_errors=True) if place.is_dir() else place.unlink(missing_ok=True)
+
+
+def run_path(folder: Path, run: str) -> Path:
+    """Return where an output folder holds a run: ``runs/<run>.zarr`` when only that is there, else ``runs/<run>.nc``."""
+    found = (p for end in ("nc", "zarr") if (p := Path(folder) / "runs" / f"{run}.{end}").exists())
+    return next(found, Path(folder) / "runs" / f"{run}.nc")
+
+
+def engine(path: Path) -> str:
+    """Return the engine by which xarray opens a run or a dataset."""
+    return "zarr" if Path(path).suffix == ".zarr" else "netcdf4"
 
 
 def write_run(run: xr.DataTree, path: Path) -> Path:
@@ -67,8 +79,8 @@ def read_run(path: Path, groups: Iterable[str] | None = None) -> xr.DataTree:
     if not path.exists():
         raise InputError(Fault(str(path), "", "no such file"))
     try:
-        engine: dict[str, Any] = {"engine": "zarr", "consolidated": False} if path.suffix == ".zarr" else {"engine": "netcdf4"}
-        with xr.open_datatree(path, decode_times=False, **engine) as tree:
+        further = {"consolidated": False} if path.suffix == ".zarr" else {}
+        with xr.open_datatree(path, engine=engine(path), decode_times=False, **further) as tree:
             schema.check_version(tree.attrs, str(path))
             wanted = [n for n in tree.children if groups is None or n in set(groups)]
             children = {n: xr.DataTree(_clean(tree[n].to_dataset().load())) for n in wanted}
@@ -79,6 +91,20 @@ def read_run(path: Path, groups: Iterable[str] | None = None) -> xr.DataTree:
         raise InputError(
             Fault(str(path), "", f"cannot be opened as a run ({fault})", "it may be cut off: write it again")
         ) from fault
+
+
+def read_wall(path: Path, chainage: float, half_length: float) -> xr.Dataset | None:
+    """Return group ``/caliper`` of a run within ``half_length`` (m) of a chainage (m, this run's own).
+
+    Only the scans of the window are read. None when the run has no wall map, or fewer than five scans there.
+    """
+    try:
+        with xr.open_dataset(path, engine=engine(path), group="caliper", decode_times=False) as wall:
+            places = np.asarray(wall["chainage"].values, float)
+            first, last = np.searchsorted(places, [chainage - half_length, chainage + half_length])
+            return wall.isel(scan=slice(int(first), int(last))).load().drop_encoding() if last - first >= _LEAST_SCANS else None
+    except (OSError, KeyError, ValueError):
+        return None
 
 
 def write_dataset(ds: xr.Dataset, path: Path, group: str) -> Path:

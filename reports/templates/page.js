@@ -50,7 +50,7 @@
   });
   document.querySelectorAll("a[data-from]").forEach((a) => a.addEventListener("click", () => show(zoneView({ start: +a.dataset.from, end: +a.dataset.to }))));
   data.runs.forEach((run, i) => {
-    const button = document.createElement("button"), dash = ["", "7 4", "8 3 2 3", "2 3"][i % 4];
+    const button = document.createElement("button"), dash = i % 8 ? Panels.DASH[i % 8] : "none";
     button.type = "button"; button.setAttribute("aria-pressed", "true");
     button.innerHTML = `<svg viewBox="0 0 36 8" aria-hidden="true"><path d="M0 4H36" stroke="var(--epoch-${i % 8})" stroke-width="3" stroke-dasharray="${dash}"/></svg>`;
     button.append(run.date && !run.id.includes(run.date.slice(0, 4)) ? `${run.id} (${run.date})` : run.id);

@@ -1,7 +1,7 @@
 "use strict";
 /* The linked panels: every one is drawn over the same stretch of chainage, from curves that keep their peaks. */
 const Panels = (() => {
-  const DASH = ["solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "dot", "dash"];
+  const DASH = ["solid", "7px,4px", "8px,3px,2px,3px", "2px,3px", "9px,2px,2px,2px,2px,2px", "14px,4px", "1px,2px", "4px,4px"]; // of plot and legend
   const SYMBOL = ["circle", "square", "diamond", "triangle-up", "triangle-down", "cross", "x", "star"];
   const SETTINGS = { responsive: false, displaylogo: false, displayModeBar: false, scrollZoom: false, doubleClick: false };
   const DETAIL = ["displacement_lateral", "displacement_up", "bending_strain_change_horizontal", "bending_strain_change_vertical"];

@@ -14,7 +14,7 @@ from deform.correlate.alignment import align
 from deform.correlate.evidence import Locks
 from deform.correlate.length_model import first_model, noise
 from deform.correlate.seeds import band
-from deform.errors import WrongLineError
+from deform.errors import InputError, WrongLineError
 from deform.options import MatchOptions
 from deform.synthetic.lists import Seen
 from tests.correlate.lines import JointList, bare, build_line, cut_out, cut_outs, observe, score, traits_of, turned
@@ -307,6 +307,29 @@ def test_locked_and_forbidden_pairs_are_honoured():
         assert found.partner[50] == -1 or given.weld[found.partner[50]] != 50
         assert given.weld[found.partner[10]] == 10
         assert given.weld[found.partner[190]] == 190
+
+
+def test_locks_against_the_direction_of_the_runs_are_named_and_not_called_another_line():
+    rng = np.random.default_rng(16)
+    true = build_line(rng, 60)
+    a, b = observe(rng, true, missed=0, false=0), observe(rng, true, missed=0, false=0)
+    ends = np.arange(2, 58, 4)
+    locks = Locks(np.stack([ends, b.place.size - 1 - ends], axis=1), np.empty((0, 2), np.int64))
+    with pytest.raises(InputError, match="lie against the direction of the runs") as caught:
+        align(a.place, b.place, OPTIONS, locks=locks)
+    assert not isinstance(caught.value, WrongLineError)
+
+
+def test_a_lock_is_no_evidence_that_two_runs_are_one_line():
+    rng = np.random.default_rng(17)
+    true = build_line(rng, 100)
+    a, b = observe(rng, true, missed=0, false=0), observe(rng, true, missed=0, false=0)
+    right = np.flatnonzero(np.isin(a.weld, b.weld))[10:90:10]
+    partner = np.searchsorted(b.weld, a.weld[right])
+    locks = Locks(np.stack([right, partner], axis=1), np.empty((0, 2), np.int64))
+    free, locked = align(a.place, b.place, OPTIONS), align(a.place, b.place, OPTIONS, locks=locks)
+    assert (locked.partner[right] == partner).all()
+    assert locked.evidence_nats == pytest.approx(free.evidence_nats, abs=1.0)
 
 
 def test_matching_does_not_depend_on_where_chainage_begins():

@@ -14,14 +14,14 @@ import xarray as xr
 from deform.errors import OptionError
 from deform.mesh import write_dent_surfaces, write_zone_shells
 from deform.mesh.colours import colours
-from deform.mesh.compare import distance, inner_wall_movement
+from deform.mesh.compare import inner_wall_movement
 from deform.mesh.dent_surface import dent_surface, depth_grid
 from deform.mesh.pipe_shell import zone_shell
 from deform.mesh.preview import preview
 from deform.mesh.strain_field import strain_grid
 from deform.mesh.surface import Surface
 from deform.options import MeshOptions
-from deform.run import store
+from deform.run import build, store
 from deform.strain.dent import add_dent_strain
 from tests.report.fabricate import OD, WALL, write_folder
 
@@ -104,10 +104,11 @@ def test_exaggeration_moves_the_wall_and_is_written_down() -> None:
 
 def test_the_distance_between_two_years_is_the_growth() -> None:
     before, after = _surface(_window(0.008)), _surface(_window(0.011))
-    assert distance(before, before)[before.value.argmax()] == pytest.approx(0.0, abs=1e-6)
-    grown = distance(after, before)
-    apex = int(np.argmax(after.value[: after.value.size // 2]))
-    assert abs(grown[apex]) == pytest.approx(0.003, abs=3e-4)
+    assert inner_wall_movement(before, before) == pytest.approx(
+        {"most_inward_m": 0.0, "most_outward_m": 0.0, "rms_m": 0.0}, abs=1e-6
+    )
+    assert inner_wall_movement(after, before)["most_inward_m"] == pytest.approx(0.003, abs=3e-4)
+    assert inner_wall_movement(before, after)["most_outward_m"] == pytest.approx(0.003, abs=3e-4)
 
 
 def test_scans_and_arms_that_gave_nothing_are_bridged() -> None:
@@ -145,6 +146,37 @@ def test_the_strain_on_a_surface_is_that_of_its_dent_and_unknown_away_from_it() 
     assert np.isnan(strain.sel(clock=270.0, method="nearest")).all()
     assert np.isnan(strain.sel(distance=0.45, method="nearest")).all()
     assert strain_grid(window, depth, wall_thickness=WALL, **(sizes | {"width_m": np.nan})) is None
+
+
+def test_the_strain_of_a_surface_takes_the_wall_of_its_joint(one_dent: Path) -> None:
+    """A joint of twice the nominal wall: its sidecar says the strain that the run's dents say, not that of the nominal wall."""
+    path = one_dent / "runs" / "demo-2023.nc"
+    run = store.read_run(path)
+    dents, wall = (run[name].to_dataset() for name in ("dents", "caliper"))
+    dents = build.add(dents, "dents", {"wall_thickness": np.full(dents.sizes["dent"], 2 * WALL)})
+    told, thin = (
+        float(add_dent_strain(given, wall, outside_diameter=OD, wall_thickness=WALL)["strain_max"][1])
+        for given in (dents, dents.drop_vars("wall_thickness"))
+    )
+    (one_dent / "runs").unlink()
+    store.write_run(build.run_tree(run.attrs, dents=dents, caliper=wall), path)
+    write_dent_surfaces(one_dent, ("ply",))
+    said = json.loads((one_dent / "dents" / "D02_demo-2023.json").read_text())
+    assert said["wall_thickness_m"] == pytest.approx(2 * WALL)
+    assert said["strain_max"] == pytest.approx(told, rel=0.05)
+    assert abs(told - thin) > 0.1 * told
+
+
+def test_without_a_wall_thickness_no_surface_is_invented(one_dent: Path, caplog: pytest.LogCaptureFixture) -> None:
+    run = store.read_run(one_dent / "runs" / "demo-2023.nc", groups=("dents", "caliper", "centreline"))
+    attrs = {k: v for k, v in run.attrs.items() if k != "nominal_wall_m"}
+    bare = build.run_tree(attrs, **{name: run[name].to_dataset() for name in run.children})
+    (one_dent / "runs").unlink()
+    store.write_run(bare, one_dent / "runs" / "demo-2023.nc")
+    assert write_dent_surfaces(one_dent, ("ply",)) == []
+    assert "wall thickness" in caplog.text
+    comparison = xr.Dataset(attrs={"reference": "demo-2023"})
+    assert zone_shell(bare, comparison, "demo-2023", 100.0, 200.0, MeshOptions()) is None
 
 
 def test_every_measured_dent_has_its_files_and_two_libraries_agree_on_them(folder: Path, written: list[Path]) -> None:
@@ -208,11 +240,20 @@ def test_colour_by_change_is_white_where_nothing_changed_and_red_where_it_grew(o
     write_dent_surfaces(one_dent, ("ply",), MeshOptions(colour="change"))
     said = json.loads((one_dent / "dents" / "D02_demo-2023.json").read_text())
     assert said["colour"]["high"] == pytest.approx(0.0068, abs=0.001)
-    paint = colours(np.array([0.0, 0.0068, -0.0068]), diverging=True)
+    assert said["colour"]["low"] == -said["colour"]["high"]
+    assert "colour_scale" not in said
+    paint = colours(np.array([0.0, 0.0068, -0.0068]), "change")
     assert paint[0].min() > 0.95
     assert paint[1][0] > paint[1][2]
     first = json.loads((one_dent / "dents" / "D02_demo-2019.json").read_text())
     assert (first["colour"]["low"], first["colour"]["high"]) == (0.0, 0.0)  # the first run has not changed
+    mesh = trimesh.load(one_dent / "dents" / "D02_demo-2019.ply")
+    assert np.asarray(mesh.visual.vertex_colors)[:, :3].min() > 240  # and is white
+
+
+@pytest.mark.parametrize("shows", ["depth", "change", "strain"])
+def test_zero_is_white_where_nothing_stands_out(shows: str) -> None:
+    assert colours(np.zeros(3), shows).min() > 0.95
 
 
 def test_colour_by_strain_leaves_the_undented_wall_grey(one_dent: Path) -> None:
@@ -229,11 +270,11 @@ def test_colour_by_strain_leaves_the_undented_wall_grey(one_dent: Path) -> None:
 def test_the_preview_shows_the_dent_in_its_middle(colour: str) -> None:
     depth = depth_grid(_window(0.01, 90.0), 50.0, 0.5, MeshOptions())
     depth.attrs["clock_deg"] = 90.0
-    value = None if colour == "depth" else depth.values - 1e-5 * (colour == "change")
-    picture = preview(depth, value=value, width=200).astype(float).sum(axis=2)
-    rows, width = picture.shape
-    middle = picture[rows // 2 - 10 : rows // 2 + 10, width // 2 - 10 : width // 2 + 10].mean()
-    assert middle < 0.6 * picture[:10, :10].mean()
+    picture = preview(depth, value=None if colour == "depth" else depth.values, shows=colour, width=200).astype(float)
+    rows, width, _ = picture.shape
+    middle = picture[rows // 2 - 10 : rows // 2 + 10, width // 2 - 10 : width // 2 + 10].mean(axis=(0, 1))
+    assert middle.sum() < 0.6 * picture[:10, :10].mean(axis=(0, 1)).sum()
+    assert (middle[0] > middle[2]) == (colour == "change")  # what grew is red although nothing shrank
 
 
 def test_previews_of_one_dent_share_their_colours_so_that_growth_is_seen() -> None:

@@ -41,7 +41,7 @@ def test_every_axis_carries_its_unit_and_every_figure_draws(wall, dents):
         figures.section_residuals(wall, 50.0),
         figures.unrolled_wall(wall, 45.0, 55.0, {"weld": np.array([48.0])}),
         figures.dent_profiles(figures.profile_dataset(wall, dents, 0, OD)),
-        figures.joint_lengths(welds, 12.2),
+        figures.joint_lengths(welds.assign_attrs(nominal_joint_m=12.2)),
     )
     for figure in drawn:
         assert len(png(figure, 50)) > 3000

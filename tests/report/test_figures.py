@@ -72,7 +72,7 @@ def test_thinning_keeps_the_spike_of_one_sample_and_the_length_of_the_line(line:
     near = lateral.sel(chainage=slice(1230, 1239))
     assert line.sizes["chainage"] == 2400
     assert float(near.max()) == pytest.approx(0.4, abs=0.07)
-    assert np.ptp(line["chainage"].values) == pytest.approx(4000, rel=0.002)
+    assert np.ptp(line["chainage"].values) == pytest.approx(4000, abs=0.2)
 
 
 def test_a_stretch_of_the_line_comes_at_full_rate(content: Content) -> None:
@@ -86,7 +86,7 @@ def test_the_plan_keeps_lengths_and_turns_the_line_to_the_right(line: xr.Dataset
     along, across = line["along"].values, line["across"].values
     assert np.hypot(np.diff(along), np.diff(across)).sum() == pytest.approx(4000, rel=0.02)
     assert along[-1] > along[0]
-    assert abs(across[-1] - across[0]) < 5.0
+    assert abs(across[-1] - across[0]) < 1.0
 
 
 def test_the_difference_panel_shows_the_planted_change_of_curvature(content: Content) -> None:

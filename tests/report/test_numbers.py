@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ from deform.options import ReportOptions
 from deform.report import write_report
 from deform.report.content import read_content
 from deform.report.context import build_context
+from deform.report.findings import joined_welds
+from deform.report.quality import frame_rows
 from deform.report.quantities import QUANTITIES, column, heading, measure
 from deform.report.words import compass, count, month, number, percent, sentence
 from deform.run import store
@@ -75,6 +78,40 @@ def test_words_of_directions_dates_and_counts() -> None:
     assert month("") == "–"
     assert count(1, "stretch", "stretches") == "1 stretch"
     assert sentence("moved; ") == "Moved"
+
+
+def test_places_in_further_tables_keep_their_centimetres_and_sigmas_their_digits() -> None:
+    frame = pd.DataFrame({"start_m": [0.0, 17384.2], "noise_sigma_m": [0.004, 0.0137], "evidence_nats": [12.3456, 17384.2]})
+    assert frame_rows("stretches", frame)["rows"] == [
+        ["0.00", "0.004", "12.35"],
+        ["17\u202f384.20", "0.0137", "17\u202f384"],
+    ]
+
+
+def test_the_deepest_dent_is_named_with_the_depth_that_was_compared(small: Path, tmp_path: Path) -> None:
+    """D02 stood deepest, but was re-rounded, then not measured; another, deeper one, was cut out."""
+    shutil.copytree(small, tmp_path / "copy")
+    table = store.read_table(small / "tables" / "dents.csv", "dents")
+    table.loc[(table.dent_id == "D02") & (table.run == "demo-2019"), "depth_m"] = 0.0300
+    table.loc[(table.dent_id == "D02") & (table.run == "demo-2021"), "depth_m"] = 0.0140
+    table.loc[(table.dent_id == "D02") & (table.run == "demo-2023"), ["depth_m", "status"]] = [np.nan, "unmeasured"]
+    gone = table.dent_id == "D01"
+    table.loc[gone, "depth_m"] = 0.0200
+    table.loc[gone & (table.run == "demo-2023"), ["depth_m", "status"]] = [np.nan, "removed"]
+    store.write_table(table, tmp_path / "copy" / "tables" / "dents.csv", "dents")
+    numbers = build_context(read_content(tmp_path / "copy"), ReportOptions())
+    assert "the deepest is D02, 14.0 ± 0.4\u00a0mm (4.3\u00a0% OD) in demo-2021." in " ".join(numbers["verdict"])
+    last = numbers["dents"][-1]
+    assert (last["id"], last["status"], str(last["depth"])) == ("D01", "removed", "20.0 ± 0.4\u00a0mm")
+
+
+def test_a_false_weld_is_not_counted_among_the_known(small: Path, tmp_path: Path) -> None:
+    shutil.copytree(small, tmp_path / "copy")
+    table = store.read_table(small / "tables" / "welds.csv", "welds")
+    known = joined_welds(read_content(small))
+    false = table.iloc[[0]].assign(weld_id="W99999", status="false")
+    store.write_table(pd.concat([table, false]), tmp_path / "copy" / "tables" / "welds.csv", "welds")
+    assert joined_welds(read_content(tmp_path / "copy")) == known
 
 
 def test_page_workbook_and_map_show_the_same_numbers_of_a_zone(small: Path) -> None:

@@ -36,6 +36,13 @@ def test_the_page_opens_from_a_file_without_errors_or_requests(page: Browser) ->
     assert page.requests == []
 
 
+def test_the_legend_draws_every_run_as_its_curves_are_drawn(page: Browser) -> None:
+    legend = page.run("[...document.querySelectorAll('#epochs path')].map(p => p.getAttribute('stroke-dasharray'))")
+    traces = page.run("document.getElementById('strips').data.filter(t => t.mode === 'lines' && t.name).map(t => t.line.dash)")
+    assert [dash.replace("none", "solid") for dash in legend] == list(dict.fromkeys(traces))
+    assert page.run("new Set(Panels.DASH).size") == 8
+
+
 def test_a_drag_on_one_panel_zooms_all_panels_to_the_same_chainage(page: Browser) -> None:
     page.run("document.getElementById('strips').scrollIntoView({ behavior: 'instant' })")
     page.wait(0.3)

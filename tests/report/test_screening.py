@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pandas as pd
@@ -37,9 +38,20 @@ def test_the_gravest_place_of_all_lines_stands_first_and_faults_are_named(lines:
     assert "quiet & <still>" in said
     assert "movement: the runs hold no positions and no curvature" in said
     assert "made of a vendor listing" in said
+    assert "1 without a judgement of movement" in browser.run("document.querySelector('.facts').textContent")
     assert "nowhere" in browser.run("document.querySelector('#lines').textContent")
     assert browser.errors == []
     assert browser.requests == []
+
+
+def test_lines_are_counted_by_what_was_judged_and_not_by_words_in_their_sentences(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "line", line="line", length_m=500.0, step_m=1.0, zones=False, dents=False)
+    survey = json.loads((folder / "survey.json").read_text())
+    survey["missing"] = [{"output": "gis", "reason": "movement of the file system"}]
+    (folder / "survey.json").write_text(json.dumps(survey))
+    text = write_screening([folder], tmp_path / "screening.html").read_text(encoding="utf-8")
+    assert "movement of the file system" in text
+    assert "0 without a judgement of movement" in text
 
 
 def test_the_page_keeps_the_order_of_the_screening_table(tmp_path: Path) -> None:

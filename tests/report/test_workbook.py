@@ -58,6 +58,9 @@ def test_limits_and_quality_are_tables_and_not_sentences(small: Path) -> None:
     floor = limits[limits["Length of movement [m]"].isna()]
     assert list(floor["Noise floor, 1σ"]) == [12.1, 20.4]
     assert list(floor["Unit of the floor"]) == ["mm", "µε"]
+    axial = limits[limits.Component == "axial"].iloc[0]
+    assert axial["Elongation found in half of all cases [mm]"] == 12.0
+    assert axial["Its axial strain [µε]"] == 200.0
     quality = _sheet(small, "Quality")
     assert set(quality.What) == {"Warning", "Sensors", "Marker", "Stage"}
     assert quality[quality.What == "Marker"].Item.str.startswith("AGM").any()
