@@ -138,7 +138,7 @@ class ScanReader:
                 known = count > _FEW
                 if known.sum() > 3:
                     stuck = known & (step < STUCK_SHARE * np.median(step[known]))
-                    self.stuck[ring, segment] = stuck
+                    self.stuck[ring, segment] |= stuck  # what an earlier pass dropped shows no unrest in this one
                     block.radius[rows, stuck] = np.nan
 
     def _block(self, ring: int, start: int, counts: np.ndarray) -> ScanBlock:
