@@ -104,7 +104,7 @@ def measure(
     welds = weld_log([c for c in (heard[0], *seen, heard[1]) if c is not None], trajectory, options.weld_cluster_m, joint)
     welds = joint_walls(welds, reader, logs, diameter)
     dents = beside_welds(dents, welds, ripples)
-    known = features(welds, section, reader, logs, ripples, trajectory, diameter)
+    known = features(welds, section, reader, logs, ripples, trajectory, diameter, sigma)
     welds = name_joints(welds, known, joint, reader.span()[1])
     windows = _joined([(a - options.detail_margin_m, b + options.detail_margin_m) for a, b in spans])
     fine = detail_maps(reader, logs, fitters, windows, fits, options.detail_step_m, coarse.bins)
