@@ -29,6 +29,7 @@ _SAME_OPENING_M = 0.1  # openings of two rings nearer than this, on one side of 
 
 def features(
     welds: xr.Dataset,
+    wall_sigma: np.ndarray,
     section: xr.Dataset,
     reader: ScanReader,
     logs: list[ScanLog],
@@ -41,7 +42,8 @@ def features(
 
     Parameters
     ----------
-    welds : group ``welds`` with ``wall_thickness`` (`deform.caliper.joints.joint_walls`).
+    welds, wall_sigma : group ``welds`` with ``wall_thickness``, and the sigma by which walls are compared
+        (`deform.caliper.joints.joint_walls`).
     section : group ``sections``.
     reader, logs : gives the chainage of the scans, and the scan log of each ring.
     ripples : wrinkles (`deform.caliper.wrinkles`).
@@ -51,7 +53,7 @@ def features(
     """
     turned = bends(trajectory, outside_diameter)
     rows = [
-        *wall_changes(welds),
+        *wall_changes(welds, wall_sigma),
         *wide_stretches(section),
         *short_spools(welds, turned),
         *(row for row in openings(reader, logs, sigma) if not _rippled(row, ripples)),
@@ -64,14 +66,14 @@ def features(
     return build.dataset("features", {n: [r.get(n, none) for r in rows] for n, none in empty.items()})
 
 
-def wall_changes(welds: xr.Dataset) -> list[Row]:
-    """Welds at which the wall thickness of the joints changes; ``value`` is the wall behind (m)."""
+def wall_changes(welds: xr.Dataset, alike: np.ndarray) -> list[Row]:
+    """Welds at which the wall thickness of the joints changes by more than its sigma between them; ``value`` is the wall behind (m)."""
     wall, sigma, place = (welds[n].values for n in ("wall_thickness", "wall_thickness_sigma", "chainage"))
     known = np.flatnonzero(np.isfinite(wall))
     usual = 1.4826 * float(np.median(np.abs(np.diff(wall[known])))) if known.size > 3 else 0.0
     rows: list[Row] = []
     for before, here in pairwise(known):
-        limit = max(_WALL_STEP_M, _WALL_SIGMA * usual, _WALL_SIGMA * float(np.hypot(sigma[here], sigma[before])))
+        limit = max(_WALL_STEP_M, _WALL_SIGMA * usual, _WALL_SIGMA * float(np.hypot(alike[here], alike[before])))
         if abs(wall[here] - wall[before]) > limit:
             text = f"wall {wall[before] * 1e3:.2f} to {wall[here] * 1e3:.2f} mm"
             row: Row = {"chainage": float(place[here]), "kind": "wall_change", "value": float(wall[here]), "text": text}
