@@ -132,6 +132,9 @@ def measure_dents(
     for group in _neighbours(found):
         fits += _fitted_together(reader, logs, group, sigma, 0.5 * outside_diameter, 0.5 * least_depth)
     fits.sort(key=lambda f: f.centre)
+    for fit in (f for f in fits if not f.settled):
+        words = "%s: the fit of the dent at %.2f m, %.0f degree has not settled; its sigmas hold the last step"
+        logger.warning(words, reader.raw.id, fit.centre, np.degrees(fit.clock))
     return dataset(fits, least_depth), fits
 
 

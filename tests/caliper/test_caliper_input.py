@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 from pydantic import TypeAdapter
 
+from deform.caliper import dent_fit
 from deform.caliper.measure import measure, on_chainage
 from deform.caliper.scans import SEGMENT
 from deform.errors import InputError
@@ -167,6 +168,16 @@ def test_an_arm_that_stands_still_for_a_while_is_dropped_there_and_stays_so_afte
     assert m.dents.chainage.values == pytest.approx([233.0], abs=0.015)
     rows = (m.wall.chainage.values > 2 * SEGMENT / RATE + 1.0) & (m.wall.chainage.values < 3 * SEGMENT / RATE - 2.0)
     assert float(np.nanmin(m.wall.radius.values[rows])) > 0.153  # welds stand in by 1.5 mm, the arm by 5.6 mm
+
+
+def test_a_dent_whose_fit_has_not_settled_is_named(monkeypatch, caplog):
+    time, angle, radius = readings()
+    radius[np.abs(time - 30.6) < 0.1, 5:8] -= 0.01
+    monkeypatch.setattr(dent_fit, "_ROUNDS", 3)
+    with caplog.at_level(logging.WARNING):
+        m = measure(raw_run(time, angle, radius), trajectory())
+    assert m.dents.sizes["dent"] == 1
+    assert re.search(r"r: the fit of the dent at (29.9|30.0)\d m", caplog.text)
 
 
 def test_half_a_file_gives_half_a_wall(caplog):
