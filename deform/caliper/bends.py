@@ -39,12 +39,12 @@ def bends(trajectory: xr.Dataset, outside_diameter: float) -> list[Row]:
     fine = [uniform_filter1d(c, max(3, round(_FINE_M / _STEP_M))) for c in (right, up)]
     limit = 1.0 / (_RADIUS_OD * outside_diameter)
     straight = np.hypot(*wide) < limit
-    rows = []
+    parts: list[slice] = []
     for start, end, _ in stretches(place, np.hypot(*wide), limit, (_LENGTH_M[0], np.inf), 2.5 * _STEP_M):
         first, last = np.searchsorted(place, [start - _BESIDE_M, end + _BESIDE_M])
-        for part in _one_sided(slice(int(first), int(last)), wide, fine, limit):
-            if (part.stop - part.start) * _STEP_M <= _LENGTH_M[1] + 2 * _BESIDE_M:
-                rows.append(_bend(place, fine, straight, part, outside_diameter))
+        parts += _one_sided(slice(int(first), int(last)), wide, fine, limit)
+    most = (_LENGTH_M[1] + 2 * _BESIDE_M) / _STEP_M
+    rows = [_bend(place, fine, straight, p, outside_diameter) for p in parts if p.stop - p.start <= most]
     return [r for r in rows if r is not None]
 
 
@@ -81,9 +81,7 @@ def _turning(trajectory: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return place, np.gradient(azimuth, _STEP_M) * np.cos(pitch), np.gradient(pitch, _STEP_M)
 
 
-def _bend(
-    place: np.ndarray, fine: list[np.ndarray], straight: np.ndarray, part: slice, outside_diameter: float
-) -> Row | None:
+def _bend(place: np.ndarray, fine: list[np.ndarray], straight: np.ndarray, part: slice, outside_diameter: float) -> Row | None:
     turn = np.array([c[part].sum() * _STEP_M for c in fine])
     angle = float(np.hypot(*turn))
     if np.degrees(angle) < _ANGLE_DEG:

@@ -22,7 +22,7 @@ _SPOOL_M = 3.0  # a heavy spool shorter than this is a valve or a fitting
 _SPOOL_HEAVIER = 1.2
 _OPENING_LENGTH_M = (0.04, 2.0)
 _OPENING_GAP_M, _OPENING_GAP_SCANS = 0.05, 2  # sound wall longer than both parts two openings
-_OPENING_SIDE_RAD = 0.8  # sound wall around the pipe that parts two openings at one place: more than a wide one leaves between arms
+_OPENING_SIDE_RAD = 0.8  # likewise around the pipe; more than the arms' spacing
 _OPENING_SCANS = 3
 _SAME_OPENING_M = 0.1  # openings of two rings nearer than this, on one side of the pipe, are one
 
@@ -67,7 +67,7 @@ def features(
 
 
 def wall_changes(welds: xr.Dataset, alike: np.ndarray) -> list[Row]:
-    """Welds at which the wall thickness of the joints changes by more than its sigma between them; ``value`` is the wall behind (m)."""
+    """Welds at which the wall changes; ``value`` is the wall behind (m), ``alike`` the sigma of walls against each other (m)."""
     wall, sigma, place = (welds[n].values for n in ("wall_thickness", "wall_thickness_sigma", "chainage"))
     known = np.flatnonzero(np.isfinite(wall))
     usual = 1.4826 * float(np.median(np.abs(np.diff(wall[known])))) if known.size > 3 else 0.0

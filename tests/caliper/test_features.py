@@ -95,7 +95,7 @@ def test_walls_change_where_heavy_pipe_begins_and_ends(line):
 
 
 def test_the_sigma_of_a_wall_knows_that_the_outside_diameter_is_not_its_nominal_one(line):
-    """API 5L: a pipe body within 0.75 % of its diameter keeps to the rule, so its wall by the inner radius is off by half of it."""
+    """API 5L lets the diameter of a body of pipe be 0.75 % off; the wall by the inner radius is then off by half of that."""
     sigma = line[1].welds.wall_thickness_sigma.values
     half = 0.5 * 0.0075 * line[0].passage.line.outside_diameter
     assert (1.96 * sigma[np.isfinite(sigma)] > half).all()

@@ -90,7 +90,9 @@ def test_strain_of_a_dent_across_the_top_comes_from_its_surface():
     assert float(found.strain_max_sigma[0]) > 0
 
 
-@pytest.mark.parametrize(("measured", "sigma", "taken"), [(0.0072, 0.0008, 0.00635), (0.0095, 0.0008, 0.0095), (0.0072, None, 0.0072)])
+@pytest.mark.parametrize(
+    ("measured", "sigma", "taken"), [(0.0072, 0.0008, 0.00635), (0.0095, 0.0008, 0.0095), (0.0072, None, 0.0072)]
+)
 def test_a_measured_wall_is_taken_where_it_surely_differs_from_the_stated_one_and_a_listed_one_always(measured, sigma, taken):
     window = wall_with_bell(0.01, 144)
     own = dents(wall_thickness=[measured]).assign_attrs({} if sigma is None else {"wall_thickness_sigma_m": sigma})
