@@ -46,8 +46,11 @@ def angle_errors(line: CaliperLine, pose: xr.Dataset) -> dict[str, tuple[float, 
     return found
 
 
-def curvature_noise(line: CaliperLine, pose: xr.Dataset) -> dict[str, float]:
-    """Rms error of the horizontal and vertical curvature (1/m): of the tool, of the tool less the angles, of the centreline."""
+def curvature_noise(line: CaliperLine, pose: xr.Dataset) -> tuple[dict[str, float], dict[str, float]]:
+    """Rms error of the horizontal and vertical curvature (1/m): of the tool, of the tool less the angles, of the centreline.
+
+    The second result is the sigma that the two centrelines state.
+    """
     t = truth.trajectory(line.passage)
     order = np.flatnonzero(np.diff(np.maximum.accumulate(t["chainage"]), prepend=-1.0) > 0)
     grid = np.arange(np.ceil(t["chainage"][order[0]]) + 1.0, t["chainage"][order[-1]] - 1.0, 0.1)
@@ -67,14 +70,14 @@ def curvature_noise(line: CaliperLine, pose: xr.Dataset) -> dict[str, float]:
         return float(np.sqrt(np.nanmean(error**2)))
 
     yaw, climb = (np.interp(time, pose.time.values, pose[n].values) for n in ("yaw", "pitch"))
-    result = {"attitude of the tool": noise(azimuth, pitch)}
+    stated, result = {}, {"attitude of the tool": noise(azimuth, pitch)}
     result["less the angles of the rings"] = noise(azimuth - yaw, pitch - climb)
     for name, given in (("centreline without rings", None), ("centreline with rings", pose)):
         made = centreline(Navigated(line.trajectory), line.raw.header, None, given)
         along = (np.interp(grid, made.chainage, v) for v in (np.unwrap(made.azimuth, period=360.0), made.pitch.values))
         result[name] = noise(*along)
-        result[f"{name}: stated sigma"] = np.radians(stated_turn_sigma(made.azimuth, GAUGE_M)) / GAUGE_M
-    return result
+        stated[name] = np.radians(stated_turn_sigma(made.azimuth, GAUGE_M)) / GAUGE_M
+    return result, stated
 
 
 def main() -> None:
@@ -86,10 +89,14 @@ def main() -> None:
         for angle, (error, size, within) in angle_errors(line, pose).items():
             share = f"in 1.96 sigma {within:.1%}"
             print(f"  {angle:6s} rms error {error:.4f} degree (bar {ANGLE_BAR_DEG}), the angle {size:.3f}, {share}")
-        noises = curvature_noise(line, pose)
-        without = noises["attitude of the tool"]
+        noises, stated = curvature_noise(line, pose)
+        tool = noises["attitude of the tool"]
         for what, noise in noises.items():
-            print(f"  curvature, {what:38s} rms {noise:.2e} per metre, {noise / without:.3f} of the tool's (bar {NOISE_BAR})")
+            print(f"  curvature, {what:29s} rms {noise:.2e} per metre, {noise / tool:.3f} of the tool's")
+        for what, sigma in stated.items():
+            print(f"  stated sigma, {what:26s} {sigma:.2e} per metre")
+        ratio = noises["centreline with rings"] / noises["centreline without rings"]
+        print(f"  centreline with rings, noise over that without: {ratio:.3f} (bar {NOISE_BAR})")
 
 
 if __name__ == "__main__":

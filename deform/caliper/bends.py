@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import xarray as xr
 from scipy.ndimage import uniform_filter1d
@@ -23,9 +25,10 @@ def bends(trajectory: xr.Dataset, outside_diameter: float) -> list[Row]:
 
     Notes
     -----
-    A bend is found where the curvature over two diameters exceeds that of elastic pipe. It begins and ends where the
-    curvature over 0.3 m is half of that in its middle, its radius is length over angle. The sigma of the angle is what the
-    tool turns by itself over such a length where the pipe is straight.
+    A bend is found where the curvature over two diameters exceeds that of elastic pipe. Where the curvature changes sides (an
+    S) one bend ends and the next begins. A bend begins and ends where the curvature over 0.3 m is half of that in its middle,
+    its radius is length over angle. The sigma of the angle is what the tool turns by itself over such a length where the pipe
+    is straight.
     """
     along = _turning(trajectory)
     if along is None:
@@ -35,10 +38,31 @@ def bends(trajectory: xr.Dataset, outside_diameter: float) -> list[Row]:
     wide = [uniform_filter1d(uniform_filter1d(c, width), width) for c in (right, up)]
     fine = [uniform_filter1d(c, max(3, round(_FINE_M / _STEP_M))) for c in (right, up)]
     limit = 1.0 / (_RADIUS_OD * outside_diameter)
-    found = stretches(place, np.hypot(*wide), limit, _LENGTH_M)
     straight = np.hypot(*wide) < limit
-    rows = [_bend(place, fine, straight, f[:2], outside_diameter) for f in found]
+    parts: list[slice] = []
+    for start, end, _ in stretches(place, np.hypot(*wide), limit, (_LENGTH_M[0], np.inf), 2.5 * _STEP_M):
+        first, last = np.searchsorted(place, [start - _BESIDE_M, end + _BESIDE_M])
+        parts += _one_sided(slice(int(first), int(last)), wide, fine, limit)
+    most = (_LENGTH_M[1] + 2 * _BESIDE_M) / _STEP_M
+    rows = [_bend(place, fine, straight, p, outside_diameter) for p in parts if p.stop - p.start <= most]
     return [r for r in rows if r is not None]
+
+
+def _one_sided(stretch: slice, wide: list[np.ndarray], fine: list[np.ndarray], limit: float) -> list[slice]:
+    """Parts of a stretch between which the curvature changes sides, each of which turns by as much as a bend."""
+    turned = np.stack([c[stretch] for c in wide])
+    axis = np.linalg.eigh(turned @ turned.T)[1][:, -1]
+    side, turn = axis @ turned, axis @ np.stack([c[stretch] for c in fine]) * _STEP_M
+    strong = np.flatnonzero(np.abs(side) > limit)
+    lobes = np.split(strong, np.flatnonzero(np.diff(np.sign(side[strong]))) + 1)
+    lobes = [b for b in lobes if b.size and np.degrees(abs(turn[b[0] : b[-1] + 1].sum())) > _ANGLE_DEG]
+    cuts = []
+    for before, behind in pairwise(lobes):
+        if side[before[0]] * side[behind[0]] < 0:
+            between = slice(before[-1], behind[0] + 1)
+            cuts.append(stretch.start + int(before[-1] + np.argmin(np.abs(side[between]))))
+    edges = [stretch.start, *cuts, stretch.stop]
+    return [slice(a, b) for a, b in pairwise(edges)]
 
 
 def _turning(trajectory: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -57,11 +81,7 @@ def _turning(trajectory: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return place, np.gradient(azimuth, _STEP_M) * np.cos(pitch), np.gradient(pitch, _STEP_M)
 
 
-def _bend(
-    place: np.ndarray, fine: list[np.ndarray], straight: np.ndarray, span: tuple[float, float], outside_diameter: float
-) -> Row | None:
-    first, last = np.searchsorted(place, [span[0] - _BESIDE_M, span[1] + _BESIDE_M])
-    part = slice(int(first), int(last))
+def _bend(place: np.ndarray, fine: list[np.ndarray], straight: np.ndarray, part: slice, outside_diameter: float) -> Row | None:
     turn = np.array([c[part].sum() * _STEP_M for c in fine])
     angle = float(np.hypot(*turn))
     if np.degrees(angle) < _ANGLE_DEG:
@@ -71,7 +91,7 @@ def _bend(
     inner = np.flatnonzero(curve > 0.5 * np.quantile(curve, 0.85))
     start, end = (float(place[part][inner[k]]) + s * 0.5 * _STEP_M for k, s in ((0, -1), (-1, 1)))
     length = end - start
-    sigma = _turn_sigma(fine, straight, last - first)
+    sigma = _turn_sigma(fine, straight, part.stop - part.start)
     radius = length / angle
     radius_sigma = radius * float(np.hypot(sigma / angle, np.sqrt(2.0) * _EDGE_SIGMA_M / length))
     sideways, upwards = np.degrees(turn)

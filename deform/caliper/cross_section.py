@@ -16,7 +16,7 @@ from deform.geometry.harmonics import HarmonicFitter
 _LEAST_ARMS = 6
 _CELL = 2048  # scans over which the reach of the chainage is kept
 _MARGIN = 512  # scans of the neighbours that a block sees on either side
-_DIP_HALF = 2  # scans on either side over which an inward departure is averaged
+MEAN_HALF = 2  # scans on either side over which a departure is averaged
 _AROUND_M = 3.0  # length over which the usual section is the median; dents up to half of it do not draw it
 _CELL_M = 0.1  # cells in which that median is formed
 _PIECE = 500_000  # scans summed at once
@@ -242,7 +242,7 @@ class _Builder:
         n, angle = len(residual), self.reader.angle_rad[self.ring]
         dip, bulge = np.empty(n), np.empty(n)
         dip_arm, bulge_arm = np.empty(n, np.int64), np.empty(n, np.int64)
-        departures(residual, _DIP_HALF, dip, dip_arm, bulge, bulge_arm)
+        departures(residual, MEAN_HALF, dip, dip_arm, bulge, bulge_arm)
         turn = self.reader.sign
         return tuple(
             (size, turn * (angle[np.maximum(arm, 0)] + block.roll)) for size, arm in ((dip, dip_arm), (bulge, bulge_arm))
@@ -260,7 +260,7 @@ class _Builder:
         some = np.flatnonzero(found.good & (np.nan_to_num(size) > limits.broad))
         if not some.size:
             return None
-        rows = np.unique(np.clip(some[:, None] + np.arange(-_DIP_HALF, _DIP_HALF + 1), 0, len(residual) - 1))
+        rows = np.unique(np.clip(some[:, None] + np.arange(-MEAN_HALF, MEAN_HALF + 1), 0, len(residual) - 1))
         with np.errstate(all="ignore"):
             residual[rows] -= np.nan_to_num(np.nanmedian(residual[rows], axis=1))[:, None]
         return self._departures(block, residual)[0]

@@ -25,7 +25,21 @@ from deform.caliper.dent_posterior import Prior, first_guess, posterior
 from deform.caliper.dent_residual import corrected
 from deform.caliper.dent_samples import DentSamples, wall_marks
 from deform.caliper.dent_section import Projector, SectionModel, roughness
-from deform.caliper.dent_shape import ALONG, AROUND, CLOCK, DEPTH, LENGTH, PLACE, WIDTH, DentFit, inward, inward_with_slopes, wrap
+from deform.caliper.dent_shape import (
+    ALONG,
+    AROUND,
+    CLOCK,
+    DEPTH,
+    LEAST_FULL,
+    LENGTH,
+    MOST_FULL,
+    PLACE,
+    WIDTH,
+    DentFit,
+    inward,
+    inward_with_slopes,
+    wrap,
+)
 
 PRIOR = Prior()
 _ROUNDS = 30
@@ -35,8 +49,9 @@ _SMALL = 0.02  # of its sigma: a step below this in all unknowns ends the iterat
 _LARGEST_STEP = np.array([0.5, 0.1, 0.15, 0.35, 0.35, 0.6, 0.6])  # of each unknown in one round; place and clock in sizes
 _GENTLE, _FIRM = 3.0, 6.0  # sigma: from where readings lose weight inside, and have none outside
 _RIM = 1.2  # of the size at a tenth of the depth: what lies inside belongs to the dent
-_SPARSE = 0.22  # arm spacing over width, from which on the posterior is looked at as a whole
-_LEAST_FULL, _MOST_FULL = 1.05, 8.0
+# Arm spacing over width from which on the posterior is looked at as a whole. Half a spacing beside the apex a bell then still has
+# 10^-0.22^2 = 0.89 of its depth; below it the depth depends little on the width, and the least-squares covariance is used.
+_SPARSE = 0.22
 
 
 @dataclass(frozen=True)
@@ -71,7 +86,6 @@ class _Problem:
     samples: DentSamples
     sigma: np.ndarray  # (n, arms), inf where an arm gave nothing
     step: float | None
-    bead: np.ndarray
     state: _State
     model: SectionModel
     outer_radius: float
@@ -95,7 +109,7 @@ class _Problem:
         if begun is None:
             return None
         state, model = begun
-        return cls(samples, spread, step, bead, state, model, outer_radius, spacing)
+        return cls(samples, spread, step, state, model, outer_radius, spacing)
 
     def solve(self) -> DentFit | None:
         for turn in range(_ROUNDS):
@@ -108,6 +122,9 @@ class _Problem:
                 self._smoothness()
             elif turn > _SETTLED + 2 and small:
                 break
+        else:
+            fit = self._result(covariance + np.outer(shift, shift), fixed)
+            return None if fit is None else replace(fit, settled=False)
         return self._result(covariance, fixed)
 
     def _smoothness(self) -> None:
@@ -166,7 +183,7 @@ class _Problem:
         limited = np.clip(shift[:size], -most, most)
         part = float(np.min(np.where(shift[:size] != 0, limited / np.where(shift[:size] != 0, shift[:size], 1.0), 1.0)))
         dent = state.dent + part * shift[:size]
-        dent[ALONG:] = np.clip(dent[ALONG:], _LEAST_FULL, _MOST_FULL)
+        dent[ALONG:] = np.clip(dent[ALONG:], LEAST_FULL, MOST_FULL)
         section = state.section + shift[size:]
         left = residual - design @ (section - state.section) + inward(dent, samples.place[:, None], clock) - u
         more_right, more_up = project.offset(left)
@@ -209,7 +226,6 @@ class _Problem:
             length_sigma=float(length * sigma[LENGTH]),
             width_sigma=float(width * self.outer_radius * sigma[WIDTH]),
             outer_radius=self.outer_radius,
-            misfit=misfit,
             along_power=float(state.dent[ALONG]),
             around_power=float(state.dent[AROUND]),
         )

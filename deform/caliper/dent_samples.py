@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.ndimage import median_filter
 
 from deform.caliper.cross_section import ScanLog, scan_ranges
-from deform.caliper.dent_shape import DentFit, wrap
+from deform.caliper.dent_shape import DentFit, relief, wrap
 from deform.caliper.scans import ScanReader
 
 _MOST_ROWS = 200  # scans that a fit looks at; more are averaged
@@ -59,8 +59,7 @@ class DentSamples:
         if not others:
             return self
         _, clock = self.centred(self.right, self.up)
-        relief = sum(f.at(self.place[:, None], clock) for f in others)
-        return DentSamples(self.place, self.clock, self.radius + relief, self.right, self.up, self.count)
+        return replace(self, radius=self.radius + relief(others, self.place[:, None], clock))
 
 
 def gather(reader: ScanReader, logs: list[ScanLog], start: float, end: float, flank: float) -> DentSamples | None:
@@ -77,13 +76,11 @@ def gather(reader: ScanReader, logs: list[ScanLog], start: float, end: float, fl
     parts = [p for p in parts if len(p.place)]
     if not parts:
         return None
-    names = ("place", "clock", "radius", "right", "up", "count")
-    return DentSamples(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
+    return DentSamples(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(DentSamples)))
 
 
 def _rows(samples: DentSamples, pick: np.ndarray) -> DentSamples:
-    names = ("place", "clock", "radius", "right", "up", "count")
-    return DentSamples(*(getattr(samples, n)[pick] for n in names))
+    return DentSamples(*(getattr(samples, f.name)[pick] for f in fields(DentSamples)))
 
 
 def _thinned(samples: DentSamples, step: float) -> DentSamples:

@@ -10,6 +10,7 @@ tenth of the depth; p and q are the fullness along and around (2 is a bell, larg
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import gamma
 from typing import ClassVar
@@ -17,7 +18,8 @@ from typing import ClassVar
 import numpy as np
 
 LN10 = np.log(10.0)
-DEPTH, PLACE, CLOCK, LENGTH, WIDTH, ALONG, AROUND = range(7)  # unknowns: log m, m, rad, log m, log m, 1, 1
+DEPTH, PLACE, CLOCK, LENGTH, WIDTH, ALONG, AROUND = range(7)  # unknowns: log m, m, rad, log m, log rad, 1, 1
+LEAST_FULL, MOST_FULL = 1.05, 8.0  # fullness: a cone, or nearly a box
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class DentFit:
     depth, length, width : below the undamaged section; full extents at a tenth of the depth.
     along_power, around_power : fullness of the smooth shape.
     outer_radius : of the pipe.
-    misfit : root mean square of the residuals across the dent over their sigma.
+    settled : false where the fit still moved in its last round; the sigmas then hold that step.
     """
 
     NUMBERS: ClassVar[tuple[str, ...]] = (
@@ -47,9 +49,9 @@ class DentFit:
     length_sigma: float
     width_sigma: float
     outer_radius: float
-    misfit: float
     along_power: float = 2.0
     around_power: float = 2.0
+    settled: bool = True
 
     def at(self, place: np.ndarray, clock: np.ndarray) -> np.ndarray:
         """Inward departure (m) of the fitted shape at places (m) and clocks (rad), which broadcast."""
@@ -73,6 +75,11 @@ class DentFit:
             x = ((power - 1.0) / (power * LN10)) ** (1.0 / power) if power > 1.0 else 0.0
             steepest.append(2.0 * self.depth / size * LN10 * power * x ** (power - 1.0) * np.exp(-LN10 * x**power))
         return float(max(steepest))
+
+
+def relief(fits: Sequence[DentFit], place: np.ndarray, clock: np.ndarray) -> np.ndarray | float:
+    """Sum of the fitted dents (m, positive inward) at places (m) and clocks (rad), which broadcast."""
+    return sum((fit.at(place, clock) for fit in fits), start=0.0)
 
 
 def wrap(angle):

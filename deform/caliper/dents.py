@@ -132,6 +132,9 @@ def measure_dents(
     for group in _neighbours(found):
         fits += _fitted_together(reader, logs, group, sigma, 0.5 * outside_diameter, 0.5 * least_depth)
     fits.sort(key=lambda f: f.centre)
+    for fit in (f for f in fits if not f.settled):
+        words = "%s: the fit of the dent at %.2f m, %.0f degree has not settled; its sigmas hold the last step"
+        logger.warning(words, reader.raw.id, fit.centre, np.degrees(fit.clock))
     return dataset(fits, least_depth), fits
 
 
@@ -203,18 +206,19 @@ def dataset(fits: list[DentFit], least_depth: float) -> xr.Dataset:
 def beside_welds(dents: xr.Dataset, welds: xr.Dataset, ripples: list[Row]) -> xr.Dataset:
     """Return the dents with the wall (m) of their joint, the distance from the next weld upstream (m), and their class.
 
-    The class is plain, multi-apex, at weld, or wrinkle, the last that holds.
+    The class is plain, multi-apex, at weld, or wrinkle, the last that holds. Attribute ``wall_thickness_sigma_m`` is the largest
+    sigma of these walls.
     """
     place, clock, length = (dents[n].values for n in ("chainage", "clock", "length"))
     sure = welds["probability"].values >= 0.5
-    joints, wall = welds["chainage"].values[sure], welds["wall_thickness"].values[sure]
+    joints, wall, spread = (welds[n].values[sure] for n in ("chainage", "wall_thickness", "wall_thickness_sigma"))
     reach = 0.5 * length + 0.02
     shape = np.array(["plain"] * place.size, dtype=object)
-    distance, thickness = np.full(place.size, np.nan), np.full(place.size, np.nan)
+    distance, thickness, sigma = (np.full(place.size, np.nan) for _ in range(3))
     for k, centre in enumerate(place):
         before = int(np.searchsorted(joints, centre, side="right")) - 1
         if before >= 0:
-            distance[k], thickness[k] = centre - joints[before], wall[before]
+            distance[k], thickness[k], sigma[k] = centre - joints[before], wall[before], spread[before]
         near = (np.abs(place - centre) < reach[k] + reach) & (np.abs((clock - clock[k] + 180) % 360 - 180) < _APEXES_DEG)
         if near.sum() > 1:
             shape[k] = "multi-apex"
@@ -224,7 +228,9 @@ def beside_welds(dents: xr.Dataset, welds: xr.Dataset, ripples: list[Row]) -> xr
             turn = abs((float(r["clock"]) - clock[k] + 180) % 360 - 180)  # type: ignore[arg-type]  # plain numbers
             if float(r["chainage"]) < centre < float(r["chainage_end"]) and turn < _APEXES_DEG:  # type: ignore[arg-type]  # plain
                 shape[k] = "wrinkle"
-    return build.add(dents, "dents", {"weld_distance": distance, "wall_thickness": thickness, "shape": shape})
+    dents = build.add(dents, "dents", {"weld_distance": distance, "wall_thickness": thickness, "shape": shape})
+    known = sigma[np.isfinite(sigma)]
+    return dents.assign_attrs(wall_thickness_sigma_m=float(known.max())) if known.size else dents
 
 
 __all__ = ["Candidate", "candidates", "dataset", "limits", "measure_dents"]

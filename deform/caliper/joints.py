@@ -15,13 +15,17 @@ _PUP = 0.5  # of the nominal length; shorter joints are pups
 _KINDS = ("valve", "tee", "bend")  # what gives a joint its name, the first that lies in it
 _MOST_WALL_M = 0.2
 _ALIKE_M = 0.5  # radii of a joint that stand further apart than this are independent
+_OUTSIDE_SHARE = 0.0025  # of the diameter, sigma of the outer radius: API 5L allows bodies of pipe 0.5 to 0.75 % of the diameter
 
 
-def joint_walls(welds: xr.Dataset, reader: ScanReader, logs: list[ScanLog], outside_diameter: float) -> xr.Dataset:
+def joint_walls(
+    welds: xr.Dataset, reader: ScanReader, logs: list[ScanLog], outside_diameter: float
+) -> tuple[xr.Dataset, np.ndarray]:
     """Return the welds with the wall thickness (m) of the joint that begins at each, and its sigma.
 
-    The wall is the outer radius of the pipe minus the median of the inner one over the joint; the sigma is that of the inner
-    radius, and does not know how far the outside diameter is from its nominal value, nor the calibration of the arms.
+    The wall is the nominal outer radius of the pipe minus the median of the inner one over the joint. Its sigma holds the
+    tolerance of the outside diameter, in which the calibration of the arms is lost. The second result, (weld,) m, is the sigma
+    without it: what joints of one diameter, seen by the same arms, are compared by.
     """
     wall, sigma = (np.full(welds.sizes["weld"], np.nan) for _ in range(2))
     for k, start, end in spans(welds, reader.span()[1]):
@@ -32,8 +36,9 @@ def joint_walls(welds: xr.Dataset, reader: ScanReader, logs: list[ScanLog], outs
             alone = min(inner.size, max(1.0, (end - start - 2 * _END_M) / _ALIKE_M))
             wall[k], sigma[k] = 0.5 * outside_diameter - middle, 1.2533 * scatter / np.sqrt(alone)
     good = (wall > 0) & (wall < _MOST_WALL_M)
-    values = {"wall_thickness": np.where(good, wall, np.nan), "wall_thickness_sigma": np.where(good, sigma, np.nan)}
-    return build.add(welds, "welds", values)
+    wall, sigma = np.where(good, wall, np.nan), np.where(good, sigma, np.nan)
+    whole = np.hypot(sigma, _OUTSIDE_SHARE * outside_diameter)
+    return build.add(welds, "welds", {"wall_thickness": wall, "wall_thickness_sigma": whole}), sigma
 
 
 def _radii(reader: ScanReader, logs: list[ScanLog], start: float, end: float) -> np.ndarray:

@@ -102,9 +102,9 @@ def measure(
     tell(0.85)
     seen = [c.without(spans) for c in arms]
     welds = weld_log([c for c in (heard[0], *seen, heard[1]) if c is not None], trajectory, options.weld_cluster_m, joint)
-    welds = joint_walls(welds, reader, logs, diameter)
+    welds, wall_sigma = joint_walls(welds, reader, logs, diameter)
     dents = beside_welds(dents, welds, ripples)
-    known = features(welds, section, reader, logs, ripples, trajectory, diameter)
+    known = features(welds, wall_sigma, section, reader, logs, ripples, trajectory, diameter, sigma)
     welds = name_joints(welds, known, joint, reader.span()[1])
     windows = _joined([(a - options.detail_margin_m, b + options.detail_margin_m) for a, b in spans])
     fine = detail_maps(reader, logs, fitters, windows, fits, options.detail_step_m, coarse.bins)

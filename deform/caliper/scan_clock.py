@@ -46,7 +46,7 @@ class ClockError:
         return time - self.late - self.rate * (time - self.middle)
 
 
-def clock_error(arms: Channel | None, heard: list[Channel], trajectory: xr.Dataset, sign: int) -> ClockError | None:
+def clock_error(arms: Channel, heard: list[Channel], trajectory: xr.Dataset, sign: int) -> ClockError | None:
     """Return the error of the scan clock against the inertial unit's, or None where there is none to speak of.
 
     Parameters
@@ -62,8 +62,6 @@ def clock_error(arms: Channel | None, heard: list[Channel], trajectory: xr.Datas
     the differences of time that most pairs of events lie on is looked for among rates of up to 600 ppm, then adjusted.
     Where the speed hardly changes a constant error cannot be told from a misplaced ring: it is then taken for the ring's.
     """
-    if arms is None:
-        return None
     best = None
     for channel in heard:
         found = _line(arms, channel, trajectory, sign)

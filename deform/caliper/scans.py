@@ -20,6 +20,7 @@ logger = logging.getLogger(__name__)
 
 SEGMENT = 2048  # scans over which an arm is judged to stand still
 STUCK_SHARE = 0.15  # of the usual step from scan to scan
+_STILL_M_S = 0.02  # slower than this a tool stands, where navigation has not said so
 _FEW = 200  # scans in motion below which an arm is not judged
 
 
@@ -41,6 +42,13 @@ class ScanBlock:
     chainage: np.ndarray
     roll: np.ndarray
     radius: np.ndarray
+
+
+def motion(trajectory: xr.Dataset) -> np.ndarray:
+    """One where the tool moves, zero where it stands, at the samples of the trajectory."""
+    if "stationary" in trajectory:
+        return 1.0 - np.asarray(trajectory["stationary"].values, float)
+    return (np.abs(np.asarray(trajectory["speed"].values, float)) > _STILL_M_S).astype(float)
 
 
 class ScanReader:
@@ -78,11 +86,6 @@ class ScanReader:
     def angle_rad(self) -> np.ndarray:
         """(rings, arms) angle of the arms, rising."""
         return self._all_angles
-
-    @property
-    def dead(self) -> np.ndarray:
-        """(rings, arms) true where an arm is not used."""
-        return self._dead
 
     def calibrate(self, offset: np.ndarray, dead: np.ndarray) -> None:
         """Take arm offsets (rings, arms) in metre off every reading from now on, and drop dead arms."""
@@ -138,7 +141,7 @@ class ScanReader:
                 known = count > _FEW
                 if known.sum() > 3:
                     stuck = known & (step < STUCK_SHARE * np.median(step[known]))
-                    self.stuck[ring, segment] = stuck
+                    self.stuck[ring, segment] |= stuck  # what an earlier pass dropped shows no unrest in this one
                     block.radius[rows, stuck] = np.nan
 
     def _block(self, ring: int, start: int, counts: np.ndarray) -> ScanBlock:
@@ -174,10 +177,7 @@ class ScanReader:
         self._time = np.asarray(trajectory["time"].values, float)
         self._chainage = np.asarray(trajectory["chainage"].values, float)
         self._roll = np.unwrap(np.radians(np.asarray(trajectory["roll"].values, float)))
-        if "stationary" in trajectory:
-            self._moving = 1.0 - np.asarray(trajectory["stationary"].values, float)
-        else:
-            self._moving = (np.abs(np.asarray(trajectory["speed"].values, float)) > 0.02).astype(float)
+        self._moving = motion(trajectory)
 
     def _check(self) -> None:
         """Name everything that makes the readings useless before any of them is used."""

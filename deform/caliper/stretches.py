@@ -8,13 +8,13 @@ Row = dict[str, object]
 
 
 def stretches(
-    place: np.ndarray, value: np.ndarray, limit: float, length: tuple[float, float], gap: float = 0.05
+    place: np.ndarray, value: np.ndarray, limit: float, length: tuple[float, float], gap: float
 ) -> list[tuple[float, float, float]]:
-    """Start, end and median value of the runs above a limit whose length (m) is in the range; a gap (m) ends a run."""
+    """Start, end and median value of the runs above a limit whose length (m) is in the range; more than a gap (m) ends a run."""
     above = np.flatnonzero(np.nan_to_num(value) > limit)
     if not above.size:
         return []
-    groups = np.split(above, np.flatnonzero((np.diff(above) > 2) & (np.diff(place[above]) > gap)) + 1)
+    groups = np.split(above, np.flatnonzero(np.diff(place[above]) > gap) + 1)
     found = [(float(place[g[0]]), float(place[g[-1]]), float(np.median(value[g]))) for g in groups]
     return [f for f in found if length[0] <= f[1] - f[0] <= length[1]]
 

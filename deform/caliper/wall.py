@@ -10,7 +10,7 @@ import xarray as xr
 
 from deform.caliper._kernels import fill_bins
 from deform.caliper.cross_section import Records, ScanLog, scan_ranges, sections_of
-from deform.caliper.dent_shape import DentFit
+from deform.caliper.dent_shape import DentFit, relief
 from deform.caliper.scans import ScanBlock, ScanReader
 from deform.geometry.harmonics import HarmonicFitter
 from deform.run import build
@@ -178,14 +178,6 @@ def centred_clock(reader: ScanReader, ring: int, block: ScanBlock, right: np.nda
     clock = reader.sign * (reader.angle_rad[ring][None, :] + block.roll[:, None])
     mean = np.nanmean(block.radius)
     return np.arctan2(mean * np.sin(clock) - right[:, None], mean * np.cos(clock) - up[:, None])
-
-
-def relief(fits: list[DentFit], place: np.ndarray, clock: np.ndarray) -> np.ndarray | float:
-    """Sum of the fitted dents (m, positive inward) at places (m) and clocks (rad)."""
-    total: np.ndarray | float = 0.0
-    for fit in fits:
-        total = total + fit.at(place, clock)
-    return total
 
 
 def wall_dataset(

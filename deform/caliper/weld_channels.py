@@ -9,7 +9,7 @@ import xarray as xr
 
 from deform.caliper._kernels import bead_and_step
 from deform.caliper.cross_section import ScanLog, scan_ranges
-from deform.caliper.scans import ScanReader
+from deform.caliper.scans import ScanReader, motion
 from deform.caliper.weld_hits import hit_centre, hit_score
 from deform.caliper.weld_shape import BEAD_HALF_M, FLANK_M, LEAST_ARM_SCORE, bead_centre, edge, is_narrow
 from deform.run.raw import RawRun
@@ -101,17 +101,17 @@ def arms_channel(reader: ScanReader, log: ScanLog) -> Channel | None:
         if index.size:
             place = reader.chainage(reader.time[index], log.ring)
             order = np.argsort(place, kind="stable")
-            pieces.append(_arms_piece(place[order], log.radius[index[order]].astype(float), (low, high)))
+            pieces.append(arms_piece(place[order], log.radius[index[order]].astype(float), (low, high)))
     return _joined([p for p in pieces if p is not None])
 
 
-def channel_of_radius(place: np.ndarray, radius: np.ndarray) -> Channel | None:
-    """The channel of one ring from its mean radius (m) at rising places (m)."""
-    return _joined([p for p in [_arms_piece(place, radius, (-np.inf, np.inf))] if p is not None])
+def arms_piece(place: np.ndarray, radius: np.ndarray, own: tuple[float, float] = (-np.inf, np.inf)) -> Channel | None:
+    """Events and traces of a piece of line that lie between two places; None for fewer than 100 scans.
 
-
-def _arms_piece(place: np.ndarray, radius: np.ndarray, own: tuple[float, float]) -> Channel | None:
-    """Events and traces of a piece of line that lie between two places.
+    Parameters
+    ----------
+    place, radius : (n,) m, rising chainage and mean radius of the scans of one ring.
+    own : places (m) between which the piece speaks.
 
     Notes
     -----
@@ -162,7 +162,7 @@ def _joined(pieces: list[Channel]) -> Channel | None:
 def accelerometer_channel(raw: RawRun, trajectory: xr.Dataset) -> Channel | None:
     """Short shakes of the tool: accelerations freed of slow motion, in sigma of their own noise at that time."""
     time = np.asarray(raw.imu["time"].values, float)
-    moving = np.interp(time, trajectory["time"].values, _moving(trajectory)) > 0.5
+    moving = np.interp(time, trajectory["time"].values, motion(trajectory)) > 0.5
     if time.size < 1000 or not moving.any():
         return None
     interval = float(np.median(np.diff(time)))
@@ -218,12 +218,6 @@ def local_peaks(axis: np.ndarray, score: np.ndarray, least: float, apart: float)
             kept.append(int(best))
             left = left[np.abs(axis[left] - axis[best]) > apart]
     return np.array(sorted(kept), np.int64)
-
-
-def _moving(trajectory: xr.Dataset) -> np.ndarray:
-    if "stationary" in trajectory:
-        return 1.0 - trajectory["stationary"].values.astype(float)
-    return (np.abs(trajectory["speed"].values) > 0.02).astype(float)
 
 
 def _robust(values: np.ndarray) -> float:

@@ -7,9 +7,9 @@ import numpy as np
 from deform.geometry._kernels_harmonics import fit_harmonics
 
 
-def harmonic_basis(angle: np.ndarray, order: int = 2) -> np.ndarray:
-    """Columns 1, cos, sin, cos 2, sin 2, ... of the angles (rad) up to an order; shape (..., 2 order + 1)."""
-    waves = [f(k * angle) for k in range(1, order + 1) for f in (np.cos, np.sin)]
+def harmonic_basis(angle: np.ndarray) -> np.ndarray:
+    """Columns 1, cos, sin, cos 2, sin 2 of the angles (rad); shape (..., 5)."""
+    waves = [f(k * angle) for k in (1, 2) for f in (np.cos, np.sin)]
     return np.stack([np.ones_like(angle), *waves], axis=-1)
 
 
@@ -20,7 +20,6 @@ class HarmonicFitter:
     ----------
     angle : (arms,) rad, of the arms in the tool's cross-section, clockwise from up.
     sigma : m, standard deviation of one reading.
-    order : 2 for mean radius, centre and oval; 1 for mean radius and centre alone.
     least : readings below which a ring has no result.
 
     Notes
@@ -34,15 +33,15 @@ class HarmonicFitter:
     Examples
     --------
     >>> angle = np.arange(24) * 2 * np.pi / 24
-    >>> fitter = HarmonicFitter(angle, sigma=3e-4, order=1)
+    >>> fitter = HarmonicFitter(angle, sigma=3e-4)
     >>> harmonics, *_ = fitter.fit(0.15 + 0.002 * np.cos(angle)[None] - 0.001 * np.sin(angle)[None])
-    >>> np.round(harmonics[0], 6).tolist()
-    [0.15, 0.002, -0.001]
+    >>> (np.round(harmonics[0], 6) + 0.0).tolist()
+    [0.15, 0.002, -0.001, 0.0, 0.0]
     """
 
-    def __init__(self, angle: np.ndarray, sigma: float, order: int = 2, least: int = 6):
+    def __init__(self, angle: np.ndarray, sigma: float, least: int = 6):
         self.angle, self.sigma, self.least = np.asarray(angle, float), float(sigma), int(least)
-        self.basis = harmonic_basis(self.angle, order)
+        self.basis = harmonic_basis(self.angle)
         self._inverse = np.linalg.pinv(self.basis)
 
     def fit(self, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -50,7 +49,7 @@ class HarmonicFitter:
 
         Returns
         -------
-        harmonics : (n, 2 order + 1) m; NaN where too few arms are there.
+        harmonics : (n, 5) m; NaN where too few arms are there.
         residual : (n, arms) m, measured minus fitted.
         spread : (n,) m, standard deviation of the readings that stand no further off than four sigma.
         used : (n,) sum of the weights.

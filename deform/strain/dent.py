@@ -16,6 +16,7 @@ logger = logging.getLogger(__name__)
 
 _ROOT3 = np.sqrt(3.0)
 _DEGREE = 5
+_SURE = 2.0  # sigma by which a measured wall must differ from the stated one to be believed
 
 
 def strain_2018(bending_around, bending_along, stretch_along):
@@ -136,7 +137,9 @@ def add_dent_strain(
     ----------
     dents : group ``dents``.
     wall : group ``caliper`` with full resolution around each dent, or None: then sizes are all there is.
-    outside_diameter, wall_thickness : m; a dent whose joint has a wall of its own (``wall_thickness`` of the dents) takes that.
+    outside_diameter, wall_thickness : m; a dent whose joint has a wall of its own (``wall_thickness`` of the dents) takes that
+        where it differs from the stated one by more than two of its sigma (attribute ``wall_thickness_sigma_m``; absent for a
+        listed wall, which is believed).
     options : see `DentStrainOptions`.
 
     Notes
@@ -151,8 +154,7 @@ def add_dent_strain(
     if len(sizes) < 3:
         return dents
     depth, length, width = sizes["depth"], sizes["length"], sizes["width"]
-    walls = dents["wall_thickness"].values.astype(float) if "wall_thickness" in dents else np.full(depth.shape, np.nan)
-    walls = np.where(walls > 0, walls, wall_thickness)
+    walls, wall_share = _walls(dents, wall_thickness)
     both = _from_sizes(depth, length, width, outside_diameter, walls, options.form)
     by_sizes = np.maximum(*both)
     value, sigma = by_sizes.copy(), 0.3 * by_sizes
@@ -161,11 +163,20 @@ def add_dent_strain(
         for k in range(dents.sizes["dent"]):
             pair = [_strain_at(dents, wall, k, outside_diameter, walls[k], options, window) for window in options.windows]
             if np.isfinite(pair[0]):
-                share = _relative_sigma(dents, k)
+                share = np.hypot(_relative_sigma(dents, k), wall_share[k])  # strain goes with the wall
                 value[k], basis[k] = pair[0], "profile"
                 sigma[k] = np.hypot(share * pair[0], abs(pair[1] - pair[0]) if np.isfinite(pair[1]) else 0.2 * pair[0])
     added = build.add(dents, "dents", {"strain_max": np.clip(value, 0, 1), "strain_max_sigma": sigma, "strain_basis": basis})
     return added.assign_attrs(strain_form=options.form)
+
+
+def _walls(dents: xr.Dataset, stated: float) -> tuple[np.ndarray, np.ndarray]:
+    """Wall (m) that each dent takes, and its relative sigma: 0 where it is stated."""
+    own = dents["wall_thickness"].values.astype(float) if "wall_thickness" in dents else np.full(dents.sizes["dent"], np.nan)
+    sigma = float(dents.attrs.get("wall_thickness_sigma_m", 0.0))
+    other = (own > 0) & (np.abs(own - stated) > _SURE * sigma)
+    walls = np.where(other, own, stated)
+    return walls, np.where(other, sigma, 0.0) / walls
 
 
 def _strain_at(

@@ -11,7 +11,9 @@ import pytest
 import xarray as xr
 from pydantic import TypeAdapter
 
+from deform.caliper import dent_fit
 from deform.caliper.measure import measure, on_chainage
+from deform.caliper.scans import SEGMENT
 from deform.errors import InputError
 from deform.run import build
 from deform.run.raw import RawRun, RunHeader
@@ -132,24 +134,50 @@ def test_a_file_of_another_clock_is_named():
         measure(raw_run(time + 1e5, angle, radius), trajectory())
 
 
-def test_a_scan_clock_that_drifts_is_put_right_by_the_welds(caplog):
-    """400 ppm over 240 s: what the arms saw stands 48 mm off at both ends, until the detector's welds put it right."""
+def drifting(rate, stuck=()):
+    """A run over 38 welds with a dent near its end, its scan clock fast by ``rate``; arm 12 stands still over some scans."""
     time, ends = np.arange(0.0, 240.0, 1 / RATE), np.cumsum(np.random.default_rng(7).uniform(5.0, 7.0, 38))
     angle = np.arange(24) * 2 * np.pi / 24
     place = SPEED * time - 0.6
     radius = 0.1556 + np.random.default_rng(1).normal(0, 3e-4, (time.size, 24))
     radius -= 1.5e-3 * (np.abs(place[:, None] - ends).min(axis=1) < 0.012)[:, None]
-    radius[np.abs(place - 233.0) < 0.1, 5:8] -= 0.01  # a dent near the end
-    long = trajectory(240.0)
+    radius[np.abs(place - 233.0) < 0.1, 5:8] -= 0.01
+    radius[stuck, 12] = 0.150
     heard = build.dataset("weld_events", {"time": ends / SPEED, "amplitude": np.ones(ends.size)})
-    drifting = replace(raw_run(time + 400e-6 * (time - 120.0), angle, radius, samples=24_000), weld_events=heard)
+    return replace(raw_run(time + rate * (time - 120.0), angle, radius, samples=24_000), weld_events=heard)
+
+
+def test_a_scan_clock_that_drifts_is_put_right_by_the_welds(caplog):
+    """400 ppm over 240 s: what the arms saw stands 48 mm off at both ends, until the detector's welds put it right."""
     with caplog.at_level(logging.WARNING):
-        m = measure(drifting, long)
+        m = measure(drifting(400e-6), trajectory(240.0))
     told = re.search(r"by (\d+) welds the scan clock runs ([\d.]+) ppm fast", caplog.text)
     assert told is not None
     assert float(told[2]) == pytest.approx(400.0, abs=20.0)
     assert int(told[1]) > 30
     assert m.dents.chainage.values == pytest.approx([233.0], abs=0.015)
+
+
+@pytest.mark.parametrize("rate", [0.0, 400e-6])
+def test_an_arm_that_stands_still_for_a_while_is_dropped_there_and_stays_so_after_the_clock_is_put_right(rate, caplog):
+    stuck = slice(2 * SEGMENT, 3 * SEGMENT)
+    with caplog.at_level(logging.WARNING):
+        m = measure(drifting(rate, stuck), trajectory(240.0))
+    assert ("the scan clock runs" in caplog.text) == (rate > 0)
+    assert re.search(r"arm at 180 degree stood still between 67\.\d and 10[12]\.\d m", caplog.text)
+    assert m.dents.chainage.values == pytest.approx([233.0], abs=0.015)
+    rows = (m.wall.chainage.values > 2 * SEGMENT / RATE + 1.0) & (m.wall.chainage.values < 3 * SEGMENT / RATE - 2.0)
+    assert float(np.nanmin(m.wall.radius.values[rows])) > 0.153  # welds stand in by 1.5 mm, the arm by 5.6 mm
+
+
+def test_a_dent_whose_fit_has_not_settled_is_named(monkeypatch, caplog):
+    time, angle, radius = readings()
+    radius[np.abs(time - 30.6) < 0.1, 5:8] -= 0.01
+    monkeypatch.setattr(dent_fit, "_ROUNDS", 3)
+    with caplog.at_level(logging.WARNING):
+        m = measure(raw_run(time, angle, radius), trajectory())
+    assert m.dents.sizes["dent"] == 1
+    assert re.search(r"r: the fit of the dent at (29.9|30.0)\d m", caplog.text)
 
 
 def test_half_a_file_gives_half_a_wall(caplog):

@@ -92,7 +92,16 @@ def test_walls_change_where_heavy_pipe_begins_and_ends(line):
     assert apart.min(axis=0).max() < 0.05
     error = found.value.values - wall[steps][apart.argmin(axis=1)]
     assert np.abs(error).max() < 1e-4
-    assert np.abs(error / np.hypot(found.value_sigma.values, 2e-5)).max() < 4.0  # arm offsets are taken off to 0.02 mm
+
+
+def test_the_sigma_of_a_wall_knows_that_the_outside_diameter_is_not_its_nominal_one(line):
+    """API 5L lets the diameter of a body of pipe be 0.75 % off; the wall by the inner radius is then off by half of that."""
+    sigma = line[1].welds.wall_thickness_sigma.values
+    half = 0.5 * 0.0075 * line[0].passage.line.outside_diameter
+    assert (1.96 * sigma[np.isfinite(sigma)] > half).all()
+    found = rows(line, "wall_change")
+    assert (1.96 * found.value_sigma.values > half).all()
+    assert found.sizes["feature"] > 0  # walls are compared by a sigma without it
 
 
 def test_valves_are_found_by_their_bore_and_by_their_spool_and_nothing_else_is_a_valve(line):
@@ -157,3 +166,4 @@ def test_a_dent_knows_the_wall_of_its_joint(line):
     k = int(near(dents, 255.0, 0.3)[0])
     joint = made.joints[made.joints.start_m < 255.0].iloc[-1]
     assert float(dents.wall_thickness[k]) == pytest.approx(joint.wall_m, abs=1e-4)
+    assert 0.002 < dents.attrs["wall_thickness_sigma_m"] / made.passage.line.outside_diameter < 0.003

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from deform.caliper import dent_fit
 from deform.caliper.dent_fit import fit_dent
 from deform.caliper.dent_samples import DentSamples
 
@@ -80,3 +81,11 @@ def test_fewer_arms_find_the_same_dent_with_an_honest_sigma(recorded, whole, eve
     fit = fitted(recorded, slice(first, None, every))
     assert abs(np.degrees(fit.clock - whole.clock)) < 4
     assert abs(fit.depth - whole.depth) < 2.6 * np.hypot(fit.depth_sigma, whole.depth_sigma)
+
+
+def test_a_fit_that_has_not_settled_says_so_and_is_less_sure(recorded, whole, monkeypatch):
+    assert whole.settled
+    monkeypatch.setattr(dent_fit, "_ROUNDS", 3)
+    early = fitted(recorded)
+    assert not early.settled
+    assert early.length_sigma > 2.0 * whole.length_sigma

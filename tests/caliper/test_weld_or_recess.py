@@ -12,7 +12,7 @@ from caliper_runs import demo_run, true_trajectory
 
 from deform.caliper.measure import measure
 from deform.caliper.weld_chain import with_joint_lengths
-from deform.caliper.weld_channels import HEARD, Channel, channel_of_radius
+from deform.caliper.weld_channels import HEARD, Channel, arms_piece
 from deform.caliper.welds import weld_log
 from deform.options import RouteOptions, RunOptions, SimulateOptions, ToolOptions
 from deform.synthetic.simulate import simulate
@@ -38,7 +38,7 @@ def ring(seed, depth=0.0, width=0.3, moved=0.0):
     radius[(place > STEP_WELDS[0]) & (place < STEP_WELDS[1])] -= 0.002
     for start in RECESSES:
         radius[(place > start) & (place < start + width)] += depth
-    return channel_of_radius(place, radius)
+    return arms_piece(place, radius)
 
 
 def heard(name, place, score, seed):

@@ -90,6 +90,20 @@ def test_strain_of_a_dent_across_the_top_comes_from_its_surface():
     assert float(found.strain_max_sigma[0]) > 0
 
 
+@pytest.mark.parametrize(
+    ("measured", "sigma", "taken"), [(0.0072, 0.0008, 0.00635), (0.0095, 0.0008, 0.0095), (0.0072, None, 0.0072)]
+)
+def test_a_measured_wall_is_taken_where_it_surely_differs_from_the_stated_one_and_a_listed_one_always(measured, sigma, taken):
+    window = wall_with_bell(0.01, 144)
+    own = dents(wall_thickness=[measured]).assign_attrs({} if sigma is None else {"wall_thickness_sigma_m": sigma})
+    found = add_dent_strain(own, window, outside_diameter=0.3127, wall_thickness=0.00635)
+    stated = add_dent_strain(dents(), window, outside_diameter=0.3127, wall_thickness=taken)
+    assert float(found.strain_max[0]) == pytest.approx(float(stated.strain_max[0]), rel=1e-9)
+    share = sigma / taken if sigma and taken == measured else 0.0
+    whole = np.hypot(float(stated.strain_max_sigma[0]), share * float(stated.strain_max[0]))
+    assert float(found.strain_max_sigma[0]) == pytest.approx(whole, rel=1e-9)
+
+
 def test_sizes_serve_where_there_is_no_wall_or_it_is_too_coarse():
     for wall in (None, wall_with_bell(0.2, 24)):
         found = add_dent_strain(dents(), wall, outside_diameter=0.3127, wall_thickness=0.00635)
