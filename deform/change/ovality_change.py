@@ -37,7 +37,7 @@ def ovality_table(pairs: list[PairChange], axis: Floats, dents: pd.DataFrame, op
     rows: list[dict] = []
     for pair in pairs:
         if pair.ovality is not None:
-            rows += [row | {"run": pair.later[0], "since": pair.earlier[0]} for row in _stretches(pair, axis, options)]
+            rows += [row | {"run": pair.later, "since": pair.earlier} for row in _stretches(pair, axis, options)]
     for row in rows:
         row["remark"] = _near(row, dents)
     return build.table("ovality", pd.DataFrame(rows))

@@ -40,7 +40,8 @@ class PairChange:
     the pipe serves as datum. candidates : stretches that changed. place, signals, waves : the scan axis (m), what was
     searched on it, the amplitudes of each wavelength after the zones were taken out. drift : (m, 3) what was taken for drift
     of the runs, on the scan axis. floors : noise floor by quantity and speed class. limit : threshold on twice the log
-    likelihood ratio.
+    likelihood ratio. order : places of the reference and of the run among the runs of the line, the earliest first; dates are
+    not needed for it, and a run may have none.
     """
 
     run: str
@@ -58,7 +59,7 @@ class PairChange:
     drift: Floats | None
     floors: dict[str, dict[int, float]]
     limit: float
-    days: tuple[float, float] = (float("nan"), float("nan"))
+    order: tuple[int, int] = (0, 1)
     elongation: Elongation | None = None
     step: float = 1.0
     colour: dict[str, float] = field(default_factory=dict)
@@ -66,17 +67,17 @@ class PairChange:
     @property
     def sign(self) -> float:
         """1, or -1 when the run is older than the reference: what changed since then is the other way round."""
-        return -1.0 if self.days[1] < self.days[0] else 1.0
+        return -1.0 if self.order[1] < self.order[0] else 1.0
 
     @property
-    def earlier(self) -> tuple[str, float]:
-        """Name and day of the earlier of the two runs."""
-        return (self.reference, self.days[0]) if self.sign > 0 else (self.run, self.days[1])
+    def earlier(self) -> str:
+        """Name of the earlier of the two runs."""
+        return self.reference if self.sign > 0 else self.run
 
     @property
-    def later(self) -> tuple[str, float]:
-        """Name and day of the later of the two runs."""
-        return (self.run, self.days[1]) if self.sign > 0 else (self.reference, self.days[0])
+    def later(self) -> str:
+        """Name of the later of the two runs."""
+        return self.run if self.sign > 0 else self.reference
 
 
 def pair_change(*args, **kwargs) -> PairChange:
@@ -97,6 +98,7 @@ class PairSearch:
     options : thresholds and wavelengths.
     edits : stretches that were replaced between the two runs; nothing is said about them.
     elongation : of the joints of a stretch of the reference chainage, where both runs know their welds.
+    order : places of the two runs among those of the line, the earliest first.
     """
 
     def __init__(
@@ -108,10 +110,11 @@ class PairSearch:
         options: ChangeOptions,
         edits: tuple[tuple[float, float], ...] = (),
         elongation: Elongation | None = None,
+        order: tuple[int, int] = (0, 1),
     ):
         difference = raw_difference(reference, other)
         usable = other.valid & reference.valid & ~inside(axis, edits, options.edit_margin_m)
-        self.elongation = elongation
+        self.elongation, self.order = elongation, order
         self.reference, self.other, self.axis, self.options = reference, other, axis, options
         self.axes, self.difference, self.usable = axes, difference, usable
         self.speeds = speed_step(reference.values.get("speed"), axis.size), speed_step(other.values.get("speed"), axis.size)
@@ -176,7 +179,7 @@ class PairSearch:
             drift=self.datum.drift if self.datum else None,
             floors=floors,
             limit=self.limit,
-            days=(self.reference.date, self.other.date),
+            order=self.order,
             elongation=self.elongation,
             step=self.step,
             colour=dict(zip(("horizontal", "vertical"), self._colour(), strict=True)),

@@ -51,7 +51,7 @@ def zone_table(
 
     Parameters
     ----------
-    pairs : changes of each run since the reference run, in the order of dates.
+    pairs : changes of each run since the reference run, in the order of the runs.
     steps : changes of runs since the run before, where that is not the reference run.
     grown : stretches whose joints grew or shrank. axis : reference chainage (m).
     edits : edits of the line, as `Matching.edits`.
@@ -110,7 +110,7 @@ def _row(group: _Group, pairs, axis, outside_diameter, options: ChangeOptions) -
     pair, best = group.best
     looks = TESTS_PER_WAVELENGTH * (axis[-1] - axis[0]) * sum(1.0 / w.length for w in pair.waves)
     told = flagged[at if moved else bent]
-    first = first_epoch(told, pairs, inside, peak, strain, options) or min(flagged, key=lambda p: p.later[1]).later[0]
+    first = first_epoch(told, pairs, inside, peak, strain, options) or min(flagged, key=lambda p: max(p.order)).later
     longer, longer_sigma = told.elongation(group.start, group.end) if told.elongation else (np.nan, np.nan)
     row = {
         "kind": "movement" if moved else "bending",
@@ -127,8 +127,8 @@ def _row(group: _Group, pairs, axis, outside_diameter, options: ChangeOptions) -
         "direction_deg": peak["direction"],
         "confidence": float(np.clip(1.0 - looks * np.exp(-0.5 * best.statistic), 0.0, 1.0)),
         "peak_m": float(axis[inside][peak["index"]]) if peak["index"] is not None else best.centre,
-        "peak_epoch": told.later[0],
-        "since": told.earlier[0],
+        "peak_epoch": told.later,
+        "since": told.earlier,
         "peak_east_m": peak["vector"][0],
         "peak_north_m": peak["vector"][1],
         "peak_up_m": peak["vector"][2],
@@ -139,7 +139,8 @@ def _row(group: _Group, pairs, axis, outside_diameter, options: ChangeOptions) -
         "threshold": pair.limit,
     }
     shown = [name for name in ("position", "curvature") if getattr(best, f"{name}_score") > pair.limit]
-    row["reasons"] = zone_words(row, shown, sorted({p.later for p, _ in group.members}, key=lambda run: run[1]), options)
+    epochs = {max(p.order): p.later for p, _ in group.members}
+    row["reasons"] = zone_words(row, shown, [epochs[k] for k in sorted(epochs)], options)
     return row
 
 
