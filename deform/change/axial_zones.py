@@ -55,7 +55,7 @@ class AxialZone:
     limit: float
 
 
-def strings_of(elongation: Elongation, false_alarms_per_100_km: float = ChangeOptions().false_alarms_per_100_km) -> list[Strings]:
+def strings_of(elongation: Elongation, false_alarms_per_100_km: float) -> list[Strings]:
     """Return the strings of joints of a pair with the noise that their own changes show."""
     known = np.isfinite(elongation.change)
     joints = int(known.sum())

@@ -128,7 +128,8 @@ def _comparison(runs, matching, options, tick, values, changes, axis, ground, di
     zones = zone_table(pairs, steps, grown, axis, matching.edits, diameter, options)
     dents = compare_dents(runs, matching, options, joints)
     rows = [row for pair in (*pairs, *steps) for row in limit_rows(pair, diameter)]
-    rows += [row for name in names for row in joint_rows(reference, name, Elongation(joints, name))]
+    rate = options.false_alarms_per_100_km
+    rows += [row for name in names for row in joint_rows(reference, name, Elongation(joints, name), rate)]
     limits = build.table("limits", pd.DataFrame(rows))
     ovality = ovality_table(pairs, axis, dents, options)
     tick(1.0)
