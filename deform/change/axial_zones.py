@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from deform.change.joint_change import Elongation
-from deform.change.noise_floor import few_looks_factor, tail_factor
+from deform.change.significance import caution_factor, limit_of
 from deform.options import ChangeOptions
 
 Floats = NDArray[Any]
@@ -63,7 +62,7 @@ def strings_of(elongation: Elongation, false_alarms_per_100_km: float) -> list[S
         return []
     length = float(np.nanmedian(np.diff(elongation.begin)))
     looks_per_100_km = sum(_LOOKS * 1e5 / length / n for n in _COUNTS)
-    limit = float(chi2.isf(false_alarms_per_100_km / looks_per_100_km, 1))
+    limit = limit_of(false_alarms_per_100_km, looks_per_100_km, 1)
     found = []
     for count in _COUNTS:
         change = elongation.strings(count)
@@ -71,7 +70,7 @@ def strings_of(elongation: Elongation, false_alarms_per_100_km: float) -> list[S
         sigma = elongation.sigma(count)
         if looks < 10 or not sigma > 0:
             break
-        caution = few_looks_factor(looks, np.sqrt(limit)) * tail_factor(change / sigma, looks, np.sqrt(limit))
+        caution = caution_factor(change / sigma, looks, np.sqrt(limit))
         found.append(Strings(count, count * length, sigma, caution, limit, change))
     return found
 
@@ -90,7 +89,7 @@ def axial_zones(
     Notes
     -----
     Strings of 2 to 32 joints, each against the spread of all strings of so many joints of the pair, with the threshold raised
-    for heavy tails (`noise_floor.tail_factor`). One joint proves nothing: a weld set wrong or a slip of the odometer changes
+    for heavy tails (`significance.tail_factor`). One joint proves nothing: a weld set wrong or a slip of the odometer changes
     one or two joints, so a good part must stay when the joint that tells most is left out; and where the one or two joints
     beside a string give back half of its change, a stretch of chainage lay wrong, as after a slip, and no steel has stretched.
     What grows over more than some 50 joints is taken for scale of the odometers by the matching, and is not seen.

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deform.change import _kernels
-from deform.change.noise_floor import bend_terms, speed_noise, spread
+from deform.change.noise_floor import bend_terms, sample_step, speed_noise, spread
 from deform.change.stack import Layer
 
 Floats = NDArray[Any]
 COMPONENTS = ("horizontal", "vertical")
-_SAMPLE = 300_000  # places that the noise is learned from, at most
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ def _noise(base, there, stated, step, speeds, stable):
     """Squared factors on the stated sigma by speed step of each run, noise floors (1/m), and what bends add; from a sample of the
     pipe.
     """
-    at = np.arange(1, base.size - 1, max(base.size // _SAMPLE, 1))
+    at = np.arange(1, base.size - 1, sample_step(base.size))
     k, change, still = base[at], there[at] - base[at], stable[at]
     formal = np.hypot(stated[0][at], stated[1][at]) if stated is not None else np.ones(at.size)
     slope = (base[at + 1] - base[at - 1]) / (2.0 * step)
@@ -94,5 +93,5 @@ def _stated(reference: Layer, other: Layer, name: str) -> tuple[Floats, Floats] 
     if not (reference.has(name) and other.has(name)):
         return None
     pair = reference.values[name], other.values[name]
-    some = slice(0, None, max(pair[0].size // _SAMPLE, 1))
+    some = slice(0, None, sample_step(pair[0].size))
     return pair if all((part[some] > 0).any() and not (part[some] <= 0).any() for part in pair) else None

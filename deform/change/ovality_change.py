@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
-from deform.change.noise_floor import few_looks_factor, spread, tail_factor
+from deform.change.noise_floor import spread
 from deform.change.pair import PairChange
+from deform.change.significance import caution_factor, limit_of
 from deform.options import ChangeOptions
 from deform.run import build
 
@@ -50,7 +50,7 @@ def _stretches(pair: PairChange, axis: Floats, options: ChangeOptions) -> list[d
     known = np.isfinite(pair.ovality)
     kilometres = known.sum() * step / 1000.0
     looks_per_100_km = sum(_LOOKS * 1e5 / w for w in _WINDOWS)
-    limit = float(chi2.isf(options.false_alarms_per_100_km / looks_per_100_km, 1))
+    limit = limit_of(options.false_alarms_per_100_km, looks_per_100_km, 1)
     best, change, noise = np.zeros(axis.size), np.zeros(axis.size), np.full(axis.size, np.nan)
     for window in _WINDOWS:
         width = max(round(window / step), 1) | 1
@@ -59,7 +59,7 @@ def _stretches(pair: PairChange, axis: Floats, options: ChangeOptions) -> list[d
         scale, looks = spread(z[pair.stable]), _LOOKS * 1000.0 * kilometres / window
         if not (np.isfinite(scale) and scale > 0 and looks >= 10):
             continue
-        caution = few_looks_factor(looks, np.sqrt(limit)) * tail_factor(z[pair.stable] / scale, looks, np.sqrt(limit))
+        caution = caution_factor(z[pair.stable] / scale, looks, np.sqrt(limit))
         score = np.nan_to_num((z / (scale * caution)) ** 2)
         better = score > best
         best[better], change[better], noise[better] = score[better], mean[better], (sigma * scale)[better]
