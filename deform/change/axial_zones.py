@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from deform.change.joint_change import Elongation
-from deform.change.significance import caution_factor, limit_of
+from deform.change.significance import caution_factor, confidence_of, limit_of
 from deform.options import ChangeOptions
 
 Floats = NDArray[Any]
@@ -22,10 +22,13 @@ _LOOKS = 2.0  # independent strings per string length
 
 @dataclass(frozen=True)
 class Strings:
-    """Strings of so many joints of a pair: mean length (m), sigma (m), factor of caution, threshold, change and its place."""
+    """Strings of so many joints of a pair: mean length (m), independent looks, sigma (m), factor of caution, threshold, changes
+    (m).
+    """
 
     count: int
     length: float
+    looks: float
     sigma: float
     caution: float
     limit: float
@@ -38,13 +41,12 @@ class AxialZone:
 
     Attributes
     ----------
-    run, since : names. day : of the later run. start, end : m. change, sigma : m. joints : how many. statistic, limit :
-    chi-square and its threshold.
+    run, since : names of the later and the earlier run. start, end : m. change, sigma : m. joints : how many. statistic, limit :
+    chi-square and its threshold. looks : independent strings of all lengths that were looked at in this pair.
     """
 
     run: str
     since: str
-    day: float
     start: float
     end: float
     change: float
@@ -52,6 +54,12 @@ class AxialZone:
     joints: int
     statistic: float
     limit: float
+    looks: float
+
+    @property
+    def confidence(self) -> float:
+        """Chance that the noise of the joints shows nothing as strong anywhere on the line."""
+        return confidence_of(self.statistic, self.looks, 1)
 
 
 def strings_of(elongation: Elongation, false_alarms_per_100_km: float) -> list[Strings]:
@@ -71,19 +79,17 @@ def strings_of(elongation: Elongation, false_alarms_per_100_km: float) -> list[S
         if looks < 10 or not sigma > 0:
             break
         caution = caution_factor(change / sigma, looks, np.sqrt(limit))
-        found.append(Strings(count, count * length, sigma, caution, limit, change))
+        found.append(Strings(count, count * length, looks, sigma, caution, limit, change))
     return found
 
 
-def axial_zones(
-    joints: pd.DataFrame, reference: str, runs: list[str], days: list[float], options: ChangeOptions
-) -> list[AxialZone]:
+def axial_zones(joints: pd.DataFrame, reference: str, runs: list[str], options: ChangeOptions) -> list[AxialZone]:
     """Return the stretches whose joints changed in length since the reference run, and since the run before.
 
     Parameters
     ----------
     joints : joint table with ``change_m:<run>``.
-    reference, runs, days : names, in the order of their days (since 1970).
+    reference, runs : names, the earliest first.
     options : rate of false alarms.
 
     Notes
@@ -97,7 +103,6 @@ def axial_zones(
     if joints is None or not len(joints):
         return []
     zones: list[AxialZone] = []
-    order = dict(zip(runs, days, strict=True))
     at = runs.index(reference)
     pairs: list[tuple[str, str, str | None]] = [(run, reference, None) for run in runs if run != reference]
     pairs += [(runs[k], runs[k - 1], runs[k - 1]) for k in range(1, len(runs)) if reference not in (runs[k], runs[k - 1])]
@@ -107,7 +112,7 @@ def axial_zones(
         sign = -1.0 if runs.index(run) < at and base is None else 1.0
         later, earlier = (run, since) if sign > 0 else (since, run)
         zones += [
-            AxialZone(later, earlier, order[later], start, end, sign * change, *rest)
+            AxialZone(later, earlier, start, end, sign * change, *rest)
             for start, end, change, *rest in _stretches(Elongation(joints, run, base), options)
         ]
     return _distinct(zones)
@@ -116,7 +121,9 @@ def axial_zones(
 def _stretches(elongation: Elongation, options: ChangeOptions) -> list[tuple]:
     """Strings that changed, the most significant of those that overlap."""
     rows = []
-    for strings in strings_of(elongation, options.false_alarms_per_100_km):
+    searched = strings_of(elongation, options.false_alarms_per_100_km)
+    looks = sum(strings.looks for strings in searched)
+    for strings in searched:
         score = (strings.change / (strings.sigma * strings.caution)) ** 2
         high = np.flatnonzero(np.nan_to_num(score) > strings.limit)
         shared = [
@@ -132,7 +139,8 @@ def _stretches(elongation: Elongation, options: ChangeOptions) -> list[tuple]:
         taken.append((i, i + strings.count))
         first, last = _shortest(elongation, i, strings)
         end = elongation.begin[last] if last < elongation.begin.size else elongation.begin[-1]
-        found.append((elongation.begin[first], end, float(strings.change[i]), strings.sigma, last - first, top, strings.limit))
+        size = float(strings.change[i]), strings.sigma
+        found.append((elongation.begin[first], end, *size, last - first, top, strings.limit, looks))
     return found
 
 

@@ -124,7 +124,7 @@ def _comparison(runs, matching, options, tick, values, changes, axis, ground, di
     names, reference = [run_id(run) for run in runs], ground.run
     pairs, steps = changes
     joints = with_axial_strain(matching.joints, reference, names, options.k_sigma)
-    grown = axial_zones(joints, reference, names, [run_day(run) for run in runs], options)
+    grown = axial_zones(joints, reference, names, options)
     zones = zone_table(pairs, steps, grown, axis, matching.edits, diameter, options)
     dents = compare_dents(runs, matching, options, joints)
     rows = [row for pair in (*pairs, *steps) for row in limit_rows(pair, diameter)]

@@ -13,6 +13,7 @@ from deform.change.axial_zones import AxialZone
 from deform.change.first_epoch import first_epoch
 from deform.change.pair import PairChange
 from deform.change.reasons import axial_words, edit_words, zone_words
+from deform.change.significance import confidence_of
 from deform.change.zones import TESTS_PER_WAVELENGTH, Candidate
 from deform.options import ChangeOptions
 from deform.run import build
@@ -125,7 +126,7 @@ def _row(group: _Group, pairs, axis, outside_diameter, options: ChangeOptions) -
         "peak_displacement_m": peak["size"],
         "peak_displacement_sigma_m": peak["sigma"],
         "direction_deg": peak["direction"],
-        "confidence": float(np.clip(1.0 - looks * np.exp(-0.5 * best.statistic), 0.0, 1.0)),
+        "confidence": confidence_of(best.statistic, looks, 2),
         "peak_m": float(axis[inside][peak["index"]]) if peak["index"] is not None else best.centre,
         "peak_epoch": told.later,
         "since": told.earlier,
@@ -212,7 +213,7 @@ def _axial_row(zone: AxialZone) -> dict:
         "first_epoch": zone.run,
         "peak_displacement_m": abs(zone.change),
         "peak_displacement_sigma_m": zone.sigma,
-        "confidence": 1.0,
+        "confidence": zone.confidence,
         "peak_m": 0.5 * (zone.start + zone.end),
         "peak_epoch": zone.run,
         "since": zone.since,
@@ -241,6 +242,7 @@ def _in_edit(row: dict, edits: pd.DataFrame) -> bool:
 
 
 def _reconfigurations(edits: pd.DataFrame) -> list[dict]:
+    """Rows of replaced pipe, without a confidence: the matching states none for an edit."""
     if edits is None or not len(edits):
         return []
     return [
@@ -249,7 +251,6 @@ def _reconfigurations(edits: pd.DataFrame) -> list[dict]:
             "start_m": edit.start_m,
             "end_m": edit.end_m,
             "first_epoch": str(edit.run),
-            "confidence": 1.0,
             "reasons": edit_words(edit),
         }
         for edit in edits[edits["kind"].isin(EDITS)].itertuples(index=False)

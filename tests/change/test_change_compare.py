@@ -134,6 +134,7 @@ def test_cut_out_is_a_reconfiguration_and_no_movement():
     matching = lines.PlainMatching("r0", matching.maps | {"r1": held}, matching.joints, edits=pd.DataFrame(edit))
     comparison = compare(runs, matching)
     assert list(comparison.zones.kind) == ["reconfiguration"]
+    assert comparison.zones.confidence.isna().all()  # the matching states none for an edit
     gone = (comparison.dataset.chainage.values > 1001) & (comparison.dataset.chainage.values < 1059)
     assert np.isnan(comparison.dataset["displacement_up"].values[1, gone]).all()
 
