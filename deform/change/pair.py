@@ -16,6 +16,7 @@ from deform.change.intervals import between, clear_of, inside
 from deform.change.joint_change import Elongation
 from deform.change.noise_floor import speed_noise, speed_step, spread
 from deform.change.position_change import displacement_on, finer, noise_about_datum, raw_difference
+from deform.change.running_mean import running_mean
 from deform.change.stack import Layer
 from deform.change.support import find_support
 from deform.change.wavelength import Signals, Waves, scan, wavelengths
@@ -315,7 +316,7 @@ class PairSearch:
         moved = self.scan_difference - datum.drift
         right = self.scan_axes[1]
         lateral = np.einsum("ij,ij->i", moved, right) / np.maximum(np.linalg.norm(right, axis=1), 1e-9)
-        size = _smooth(np.hypot(lateral, moved[:, 2]), max(round(5.0 / (self.place[1] - self.place[0])), 1))
+        size = running_mean(np.hypot(lateral, moved[:, 2]), round(5.0 / (self.place[1] - self.place[0])))
         floor = spread(size[quiet])
         return size, np.sqrt((floor if np.isfinite(floor) else 0.0) ** 2 + datum.variance[:, :3].max(axis=1))
 
@@ -363,11 +364,3 @@ class PairSearch:
 def _scan_axis(axis: Floats, size: int) -> Floats:
     count = axis.size // size
     return axis[0] + (np.arange(count) * size + 0.5 * (size - 1)) * (axis[1] - axis[0])
-
-
-def _smooth(values: Floats, width: int) -> Floats:
-    known = np.isfinite(values)
-    kernel = np.ones(width | 1)
-    weight = np.convolve(known.astype(float), kernel, mode="same")
-    total = np.convolve(np.where(known, values, 0.0), kernel, mode="same")
-    return np.where(weight > 0, total / np.maximum(weight, 1e-9), np.nan)

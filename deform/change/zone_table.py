@@ -13,6 +13,7 @@ from deform.change.axial_zones import AxialZone
 from deform.change.first_epoch import first_epoch
 from deform.change.pair import PairChange
 from deform.change.reasons import axial_words, edit_words, zone_words
+from deform.change.running_mean import running_mean
 from deform.change.significance import confidence_of
 from deform.change.zones import TESTS_PER_WAVELENGTH, Candidate
 from deform.options import ChangeOptions
@@ -157,13 +158,12 @@ def _peak_displacement(pair: PairChange, inside: Floats, step: float) -> dict:
     nothing = {"size": np.nan, "sigma": np.nan, "direction": np.nan, "index": None, "vector": (np.nan,) * 3}
     if pair.displacement is None or pair.displacement_sigma is None:
         return nothing
-    width = max(round(_PEAK_DISPLACEMENT_LENGTH / step), 1)
-    smooth = np.column_stack([_mean(pair.displacement[inside, m], width) for m in range(4)])
-    size = np.hypot(smooth[:, 3], smooth[:, 2])
+    smooth = _smooth(pair.displacement[inside, :4].T, _PEAK_DISPLACEMENT_LENGTH / step)
+    size = np.hypot(smooth[3], smooth[2])
     if not np.isfinite(size).any():
         return nothing
     i = int(np.nanargmax(size))
-    v, s = pair.sign * smooth[i, :3], pair.displacement_sigma[inside, :3][i]
+    v, s = pair.sign * smooth[:3, i], pair.displacement_sigma[inside, :3][i]
     full = float(np.linalg.norm(v))
     level, level_sigma = np.hypot(v[0], v[1]), np.hypot(*s[:2]) / np.sqrt(2.0)
     level_known = level > 3.0 * level_sigma and level > 0.25 * abs(v[2])
@@ -182,9 +182,8 @@ def _peak_strain(pair: PairChange, inside: Floats, step: float, outside_diameter
     parts = [pair.curvature.get(name) for name in ("horizontal", "vertical")]
     if not any(parts):
         return nothing
-    width = max(round(_PEAK_STRAIN_LENGTH / step), 1)
     zero = np.zeros(int(inside.sum()))
-    bent = np.stack([pair.sign * _mean(part.change[inside], width) if part else zero for part in parts])
+    bent = pair.sign * _smooth(np.stack([part.change[inside] if part else zero for part in parts]), _PEAK_STRAIN_LENGTH / step)
     size = np.sqrt(np.nansum(bent**2, axis=0))
     if not np.isfinite(bent).any():
         return nothing
@@ -195,14 +194,9 @@ def _peak_strain(pair: PairChange, inside: Floats, step: float, outside_diameter
     return {"size": float(size[i] * half), "sigma": spread * half, "clock": float(tension_clock(*bent[:, i]))}
 
 
-def _mean(values: Floats, width: int) -> Floats:
-    kernel = np.ones(min(width, values.size) | 1)
-    if kernel.size > values.size:
-        return values
-    known = np.isfinite(values)
-    total = np.convolve(np.where(known, values, 0.0), kernel, mode="same")
-    count = np.convolve(known.astype(float), kernel, mode="same")
-    return np.where(count > 0.5 * kernel.size, total / np.maximum(count, 1.0), np.where(known, values, np.nan))
+def _smooth(values: Floats, width: float) -> Floats:
+    """Running means where a value itself is known: elsewhere it has no sigma, and is no peak."""
+    return np.where(np.isfinite(values), running_mean(values, round(width)), np.nan)
 
 
 def _axial_row(zone: AxialZone) -> dict:
