@@ -24,14 +24,11 @@ class CurvatureChange:
     ----------
     change, sigma : (n,) run minus reference and its standard deviation (1/m).
     floors : noise floor by speed class of both runs (1/m) on straight pipe.
-    fraction, shift : what bends add: a fraction of the curvature, a shift along the pipe (m).
     """
 
     change: Floats
     sigma: Floats
     floors: dict[int, float]
-    fraction: float
-    shift: float
 
 
 def curvature_change(
@@ -64,7 +61,7 @@ def curvature_change(
     ones = stated if stated is not None else (base, base)
     given = (base, there, *ones, stated is not None, *speeds, *tables, other.run_chainage_sigma, a, b, step, change, sigma)
     _kernels.curvature_difference(*given)
-    return CurvatureChange(change, sigma, floors, a, b)
+    return CurvatureChange(change, sigma, floors)
 
 
 def _noise(base, there, stated, step, speeds, stable):

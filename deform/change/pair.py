@@ -38,11 +38,10 @@ class PairChange:
     ----------
     run, reference : names. displacement, displacement_sigma : (n, 5) east, north, up, lateral, axial (m), or None without
     positions. curvature : change of each component, or None. ovality, ovality_sigma : (n,) or None. stable : (n,) true where
-    the pipe serves as datum. candidates : stretches that changed. place, signals, waves : the scan axis (m), what was
-    searched on it, the amplitudes of each wavelength after the zones were taken out. drift : (m, 3) what was taken for drift
-    of the runs, on the scan axis. floors : noise floor by quantity and speed class. limit : threshold on twice the log
-    likelihood ratio. order : places of the reference and of the run among the runs of the line, the earliest first; dates are
-    not needed for it, and a run may have none.
+    the pipe serves as datum. candidates : stretches that changed. waves : the amplitudes of each wavelength after the zones
+    were taken out. floors : noise floor by quantity and speed class. limit : threshold on twice the log likelihood ratio.
+    order : places of the reference and of the run among the runs of the line, the earliest first; dates are not needed for it,
+    and a run may have none.
     """
 
     run: str
@@ -54,10 +53,7 @@ class PairChange:
     ovality_sigma: Floats | None
     stable: Floats
     candidates: list[zones.Candidate]
-    place: Floats
-    signals: Signals | None
     waves: list[Waves]
-    drift: Floats | None
     floors: dict[str, dict[int, float]]
     limit: float
     order: tuple[int, int] = (0, 1)
@@ -79,13 +75,6 @@ class PairChange:
     def later(self) -> str:
         """Name of the later of the two runs."""
         return self.run if self.sign > 0 else self.reference
-
-
-def pair_change(*args, **kwargs) -> PairChange:
-    """Return the change of one run since the reference run: `PairSearch` searched and finished."""
-    search = PairSearch(*args, **kwargs)
-    search.run()
-    return search.finish()
 
 
 class PairSearch:
@@ -174,10 +163,7 @@ class PairSearch:
             ovality_sigma=ovality_sigma,
             stable=self.stable,
             candidates=self.found,
-            place=self.place,
-            signals=self.signals,
             waves=self.waves,
-            drift=self.datum.drift if self.datum else None,
             floors=floors,
             limit=self.limit,
             order=self.order,
