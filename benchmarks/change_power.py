@@ -11,11 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from deform.change import zones
-from deform.change.detection_limit import detectable
-from deform.change.pair import PairChange, pair_change
+from deform.change.pair import PairChange, PairSearch
 from deform.change.stack import layer, tangents
-from deform.change.wavelength import wavelengths
 from deform.options import ChangeOptions
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "change"))
@@ -39,7 +36,9 @@ def pair_of(before: lines.Line, after: lines.Line, errors: lines.Errors, seed: i
     matching = lines.identity_matching(runs)
     axis = before.chainage
     ground, other = (layer(run, matching.maps[run.attrs["id"]], axis) for run in runs)
-    return pair_change(ground, other, axis, tangents(ground, axis), options)
+    search = PairSearch(ground, other, axis, tangents(ground, axis), options)
+    search.run()
+    return search.finish()
 
 
 def false_alarms(kilometres: float, rate: float, errors: lines.Errors, seed: int = 0) -> tuple[int, float]:
@@ -133,8 +132,6 @@ def _draw(rows: dict[str, list[Row]], path: Path) -> None:
     figure.tight_layout()
     figure.savefig(path, dpi=110)
 
-
-__all__ = ["detectable", "false_alarms", "pair_of", "power", "wavelengths", "zones"]
 
 if __name__ == "__main__":
     main()

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from deform.change.joint_change import Elongation
-from deform.change.noise_floor import few_looks_factor, tail_factor
+from deform.change.significance import caution_factor, confidence_of, limit_of
 from deform.options import ChangeOptions
 
 Floats = NDArray[Any]
@@ -23,10 +22,13 @@ _LOOKS = 2.0  # independent strings per string length
 
 @dataclass(frozen=True)
 class Strings:
-    """Strings of so many joints of a pair: mean length (m), sigma (m), factor of caution, threshold, change and its place."""
+    """Strings of so many joints of a pair: mean length (m), independent looks, sigma (m), factor of caution, threshold, changes
+    (m).
+    """
 
     count: int
     length: float
+    looks: float
     sigma: float
     caution: float
     limit: float
@@ -39,13 +41,12 @@ class AxialZone:
 
     Attributes
     ----------
-    run, since : names. day : of the later run. start, end : m. change, sigma : m. joints : how many. statistic, limit :
-    chi-square and its threshold.
+    run, since : names of the later and the earlier run. start, end : m. change, sigma : m. joints : how many. statistic, limit :
+    chi-square and its threshold. looks : independent strings of all lengths that were looked at in this pair.
     """
 
     run: str
     since: str
-    day: float
     start: float
     end: float
     change: float
@@ -53,9 +54,15 @@ class AxialZone:
     joints: int
     statistic: float
     limit: float
+    looks: float
+
+    @property
+    def confidence(self) -> float:
+        """Chance that the noise of the joints shows nothing as strong anywhere on the line."""
+        return confidence_of(self.statistic, self.looks, 1)
 
 
-def strings_of(elongation: Elongation, false_alarms_per_100_km: float = ChangeOptions().false_alarms_per_100_km) -> list[Strings]:
+def strings_of(elongation: Elongation, false_alarms_per_100_km: float) -> list[Strings]:
     """Return the strings of joints of a pair with the noise that their own changes show."""
     known = np.isfinite(elongation.change)
     joints = int(known.sum())
@@ -63,7 +70,7 @@ def strings_of(elongation: Elongation, false_alarms_per_100_km: float = ChangeOp
         return []
     length = float(np.nanmedian(np.diff(elongation.begin)))
     looks_per_100_km = sum(_LOOKS * 1e5 / length / n for n in _COUNTS)
-    limit = float(chi2.isf(false_alarms_per_100_km / looks_per_100_km, 1))
+    limit = limit_of(false_alarms_per_100_km, looks_per_100_km, 1)
     found = []
     for count in _COUNTS:
         change = elongation.strings(count)
@@ -71,26 +78,24 @@ def strings_of(elongation: Elongation, false_alarms_per_100_km: float = ChangeOp
         sigma = elongation.sigma(count)
         if looks < 10 or not sigma > 0:
             break
-        caution = few_looks_factor(looks, np.sqrt(limit)) * tail_factor(change / sigma, looks, np.sqrt(limit))
-        found.append(Strings(count, count * length, sigma, caution, limit, change))
+        caution = caution_factor(change / sigma, looks, np.sqrt(limit))
+        found.append(Strings(count, count * length, looks, sigma, caution, limit, change))
     return found
 
 
-def axial_zones(
-    joints: pd.DataFrame, reference: str, runs: list[str], days: list[float], options: ChangeOptions
-) -> list[AxialZone]:
+def axial_zones(joints: pd.DataFrame, reference: str, runs: list[str], options: ChangeOptions) -> list[AxialZone]:
     """Return the stretches whose joints changed in length since the reference run, and since the run before.
 
     Parameters
     ----------
     joints : joint table with ``change_m:<run>``.
-    reference, runs, days : names, in the order of their days (since 1970).
+    reference, runs : names, the earliest first.
     options : rate of false alarms.
 
     Notes
     -----
     Strings of 2 to 32 joints, each against the spread of all strings of so many joints of the pair, with the threshold raised
-    for heavy tails (`noise_floor.tail_factor`). One joint proves nothing: a weld set wrong or a slip of the odometer changes
+    for heavy tails (`significance.tail_factor`). One joint proves nothing: a weld set wrong or a slip of the odometer changes
     one or two joints, so a good part must stay when the joint that tells most is left out; and where the one or two joints
     beside a string give back half of its change, a stretch of chainage lay wrong, as after a slip, and no steel has stretched.
     What grows over more than some 50 joints is taken for scale of the odometers by the matching, and is not seen.
@@ -98,7 +103,6 @@ def axial_zones(
     if joints is None or not len(joints):
         return []
     zones: list[AxialZone] = []
-    order = dict(zip(runs, days, strict=True))
     at = runs.index(reference)
     pairs: list[tuple[str, str, str | None]] = [(run, reference, None) for run in runs if run != reference]
     pairs += [(runs[k], runs[k - 1], runs[k - 1]) for k in range(1, len(runs)) if reference not in (runs[k], runs[k - 1])]
@@ -108,7 +112,7 @@ def axial_zones(
         sign = -1.0 if runs.index(run) < at and base is None else 1.0
         later, earlier = (run, since) if sign > 0 else (since, run)
         zones += [
-            AxialZone(later, earlier, order[later], start, end, sign * change, *rest)
+            AxialZone(later, earlier, start, end, sign * change, *rest)
             for start, end, change, *rest in _stretches(Elongation(joints, run, base), options)
         ]
     return _distinct(zones)
@@ -117,7 +121,9 @@ def axial_zones(
 def _stretches(elongation: Elongation, options: ChangeOptions) -> list[tuple]:
     """Strings that changed, the most significant of those that overlap."""
     rows = []
-    for strings in strings_of(elongation, options.false_alarms_per_100_km):
+    searched = strings_of(elongation, options.false_alarms_per_100_km)
+    looks = sum(strings.looks for strings in searched)
+    for strings in searched:
         score = (strings.change / (strings.sigma * strings.caution)) ** 2
         high = np.flatnonzero(np.nan_to_num(score) > strings.limit)
         shared = [
@@ -133,7 +139,8 @@ def _stretches(elongation: Elongation, options: ChangeOptions) -> list[tuple]:
         taken.append((i, i + strings.count))
         first, last = _shortest(elongation, i, strings)
         end = elongation.begin[last] if last < elongation.begin.size else elongation.begin[-1]
-        found.append((elongation.begin[first], end, float(strings.change[i]), strings.sigma, last - first, top, strings.limit))
+        size = float(strings.change[i]), strings.sigma
+        found.append((elongation.begin[first], end, *size, last - first, top, strings.limit, looks))
     return found
 
 

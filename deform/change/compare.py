@@ -67,7 +67,7 @@ def compare(
 
     Parameters
     ----------
-    runs : runs of the line; they are taken in the order of their dates.
+    runs : runs of the line; they are taken in the order of their dates, one without a date where it stands in the list.
     matching : `correlate.weld_matching.Matching` of the same runs.
     options : thresholds.
     progress : called with the fraction done.
@@ -107,9 +107,10 @@ def compare(
         remarks += _what_is_missing(ground, other)
         values.place(k, other)
         if axes is not None:
-            searches.append((k, _search(ground, other, axis, axes, matching, options)))
+            order = names.index(reference), k
+            searches.append((k, _search(ground, other, axis, axes, matching, options, order)))
             if before is not None and before is not ground:
-                searches.append((k, _search(before, other, axis, axes, matching, options)))
+                searches.append((k, _search(before, other, axis, axes, matching, options, (k - 1, k))))
         before = other
         tick(0.8 * (k + 1) / len(runs))
     del before
@@ -123,11 +124,12 @@ def _comparison(runs, matching, options, tick, values, changes, axis, ground, di
     names, reference = [run_id(run) for run in runs], ground.run
     pairs, steps = changes
     joints = with_axial_strain(matching.joints, reference, names, options.k_sigma)
-    grown = axial_zones(joints, reference, names, [run_day(run) for run in runs], options)
+    grown = axial_zones(joints, reference, names, options)
     zones = zone_table(pairs, steps, grown, axis, matching.edits, diameter, options)
     dents = compare_dents(runs, matching, options, joints)
     rows = [row for pair in (*pairs, *steps) for row in limit_rows(pair, diameter)]
-    rows += [row for name in names for row in joint_rows(reference, name, Elongation(joints, name))]
+    rate = options.false_alarms_per_100_km
+    rows += [row for name in names for row in joint_rows(reference, name, Elongation(joints, name), rate)]
     limits = build.table("limits", pd.DataFrame(rows))
     ovality = ovality_table(pairs, axis, dents, options)
     tick(1.0)
@@ -139,14 +141,16 @@ def _comparison(runs, matching, options, tick, values, changes, axis, ground, di
     return Comparison(dataset, zones, dents, joints, limits, ovality, tuple(remarks))
 
 
-def _search(ground: Layer, other: Layer, axis: Floats, axes: Any, matching: Any, options: ChangeOptions) -> PairSearch:
-    """Search one run for what changed since another."""
+def _search(
+    ground: Layer, other: Layer, axis: Floats, axes: Any, matching: Any, options: ChangeOptions, order: tuple[int, int]
+) -> PairSearch:
+    """Search one run for what changed since another; ``order`` are their places among the runs."""
     broken = [np.asarray(matching.maps[run].broken, float).reshape(-1, 2) for run in {ground.run, other.run}]
     edits = tuple((float(start), float(end)) for start, end in np.concatenate(broken))
     since = None if ground.run == str(matching.reference) else ground.run
     known = f"change_m:{other.run}" in matching.joints and (since is None or f"change_m:{since}" in matching.joints)
     longer = Elongation(matching.joints, other.run, since) if known else None
-    search = PairSearch(ground, other, axis, axes, options, edits, longer)
+    search = PairSearch(ground, other, axis, axes, options, edits, longer, order)
     search.run()
     return search
 
@@ -173,7 +177,7 @@ def _finish(
 
 
 def _in_order(runs: list[xr.DataTree], matching: Any) -> list[xr.DataTree]:
-    """Runs by date, those without a date where they stand; every one must have a map."""
+    """Runs by date, those without a date where they stand among them; every one must have a map."""
     faults = [
         Fault(run_id(r), "chainage map", "the matching holds none for this run") for r in runs if run_id(r) not in matching.maps
     ]
@@ -181,10 +185,10 @@ def _in_order(runs: list[xr.DataTree], matching: Any) -> list[xr.DataTree]:
         faults.append(Fault(str(matching.reference), "reference", "is not among the runs"))
     if faults:
         raise InputError(faults)
-    days = [run_day(run) for run in runs]
-    if not np.isfinite(days).all():
-        return list(runs)
-    return [runs[i] for i in np.argsort(days, kind="stable")]
+    days = np.array([run_day(run) for run in runs])
+    order, dated = np.arange(len(runs)), np.flatnonzero(np.isfinite(days))
+    order[dated] = dated[np.argsort(days[dated], kind="stable")]
+    return [runs[i] for i in order]
 
 
 def _whole(ground: Layer, axis: Floats) -> Layer:

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deform.change import _kernels
-from deform.change.noise_floor import bend_terms, speed_noise, spread
+from deform.change.noise_floor import bend_terms, sample_step, speed_noise, spread
 from deform.change.stack import Layer
 
 Floats = NDArray[Any]
 COMPONENTS = ("horizontal", "vertical")
-_SAMPLE = 300_000  # places that the noise is learned from, at most
 
 
 @dataclass(frozen=True)
@@ -25,14 +24,11 @@ class CurvatureChange:
     ----------
     change, sigma : (n,) run minus reference and its standard deviation (1/m).
     floors : noise floor by speed class of both runs (1/m) on straight pipe.
-    fraction, shift : what bends add: a fraction of the curvature, a shift along the pipe (m).
     """
 
     change: Floats
     sigma: Floats
     floors: dict[int, float]
-    fraction: float
-    shift: float
 
 
 def curvature_change(
@@ -65,14 +61,14 @@ def curvature_change(
     ones = stated if stated is not None else (base, base)
     given = (base, there, *ones, stated is not None, *speeds, *tables, other.run_chainage_sigma, a, b, step, change, sigma)
     _kernels.curvature_difference(*given)
-    return CurvatureChange(change, sigma, floors, a, b)
+    return CurvatureChange(change, sigma, floors)
 
 
 def _noise(base, there, stated, step, speeds, stable):
     """Squared factors on the stated sigma by speed step of each run, noise floors (1/m), and what bends add; from a sample of the
     pipe.
     """
-    at = np.arange(1, base.size - 1, max(base.size // _SAMPLE, 1))
+    at = np.arange(1, base.size - 1, sample_step(base.size))
     k, change, still = base[at], there[at] - base[at], stable[at]
     formal = np.hypot(stated[0][at], stated[1][at]) if stated is not None else np.ones(at.size)
     slope = (base[at + 1] - base[at - 1]) / (2.0 * step)
@@ -94,5 +90,5 @@ def _stated(reference: Layer, other: Layer, name: str) -> tuple[Floats, Floats] 
     if not (reference.has(name) and other.has(name)):
         return None
     pair = reference.values[name], other.values[name]
-    some = slice(0, None, max(pair[0].size // _SAMPLE, 1))
+    some = slice(0, None, sample_step(pair[0].size))
     return pair if all((part[some] > 0).any() and not (part[some] <= 0).any() for part in pair) else None

@@ -78,15 +78,15 @@ def limit_rows(pair: PairChange, outside_diameter: float) -> list[dict]:
     return rows
 
 
-def joint_rows(reference: str, run: str, elongation: Elongation) -> list[dict]:
+def joint_rows(reference: str, run: str, elongation: Elongation, false_alarms_per_100_km: float) -> list[dict]:
     """Return the rows of the joint lengths of a run since the reference run: their noise floor, and the least elongation of
-    strings of joints that would have been found; none where they are not known.
+    strings of joints that the search for axial zones finds at this rate of false alarms; none where they are not known.
     """
     if run == reference or not np.isfinite(elongation.noise):
         return []
     names = {"run_from": reference, "run_to": run, "quantity": "joint length", "component": "axial"}
     rows = [names | {"speed_class": class_name(-1), "noise_sigma": elongation.noise}]
-    for string in strings_of(elongation):
+    for string in strings_of(elongation, false_alarms_per_100_km):
         least = string.sigma * string.caution * np.sqrt(string.limit)
         row = {"noise_sigma": string.sigma, "wavelength_m": string.length, "limit_elongation_m": least}
         row |= {"limit_axial_strain": least / string.length, "decided_by": "joint length", "speed_class": class_name(-1)}

@@ -35,8 +35,8 @@ def first_epoch(
     """
     if not pairs:
         return None
-    series = [(pairs[0].reference, pairs[0].days[0], (0.0, 0.0), (0.0, 0.0))]
-    series += [(p.run, p.days[1], _displacement(p, inside, peak), _part(p, told, inside)) for p in pairs]
+    series = [(pairs[0].reference, pairs[0].order[0], (0.0, 0.0), (0.0, 0.0))]
+    series += [(p.run, p.order[1], _displacement(p, inside, peak), _part(p, told, inside)) for p in pairs]
     series.sort(key=lambda epoch: epoch[1])
     limit = float(norm.isf(_CHANCE / (2.0 * len(series))))
     least = 0.5 * options.least_displacement_m, 0.5 * options.least_strain_change / max(float(strain["size"]), 1e-12)

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
-from scipy.stats import norm
-from scipy.stats import t as student
 
 from deform.geometry.resample import MAD_TO_SIGMA
 
@@ -21,12 +19,14 @@ SPEEDS = 64  # number of speed steps; step number SPEEDS stands for an unknown s
 _LEAST_SHARE = 0.02  # of the pipe: a class that holds less is not listed
 _CELLS = 8  # of speed of each run
 _KNOT_STEPS = 3.0  # steps between the knots of the noise over the speed
-_WIDEST_TAIL = 2.0
 _SAMPLE = 300_000  # places that a floor is learned from, at most
 _LEAN = 0.02  # weight of an even share, in parts of that of all cells
 _LEAST_PART = 0.5  # of the variance of the quietest twentieth of the pipe: no speeds are quieter than that
-_TAILS = (0.9, 0.97, 0.99, 0.997, 0.999)
-_LEAST_BEYOND = 8.0  # independent values beyond a quantile that may widen a sigma
+
+
+def sample_step(size: int) -> int:
+    """Return the step by which so many places are thinned out before a floor is learned from them."""
+    return max(size // _SAMPLE, 1)
 
 
 def speed_step(speed: Floats | None, n: int) -> NDArray[np.uint8]:
@@ -61,45 +61,6 @@ def spread(values: Floats) -> float:
     if size.size < 8:
         return float("nan")
     return float(max(MAD_TO_SIGMA * np.median(size), np.quantile(size, 0.95) / 1.959964))
-
-
-def tail_factor(z: Floats, independent: float, reach: float) -> float:
-    """Return by how much a variable is wider, so far out in its tails, than a normal one of its own bulk; 1 at least.
-
-    Parameters
-    ----------
-    z : values over a sigma that holds for their bulk.
-    independent : how many of them are independent.
-    reach : how far out a threshold lies (sigma).
-
-    Notes
-    -----
-    Ratios of the quantiles of |z| to those of a normal variable, from 0.9 on as long as eight independent values lie beyond; a
-    straight line through them over the normal quantile, led on to the threshold. A threshold lies where no line of usual length
-    has seen its noise: the tails must be led on, and never below what was seen.
-    """
-    size = np.abs(z[np.isfinite(z)])
-    levels = np.array([p for p in _TAILS if independent * (1.0 - p) >= _LEAST_BEYOND])
-    if not levels.size or size.size < 20:
-        return 1.0
-    normal = norm.ppf(0.5 + 0.5 * levels)
-    ratio = np.quantile(size, levels) / normal
-    if levels.size < 3:
-        return float(max(1.0, ratio.max()))
-    slope = max(float(np.polyfit(normal, ratio, 1)[0]), 0.0)
-    return float(np.clip(max(ratio.max(), ratio[-1] + slope * (reach - normal[-1])), 1.0, _WIDEST_TAIL))
-
-
-def few_looks_factor(independent: float, reach: float) -> float:
-    """Return by how much a threshold must be raised when the sigma comes from few independent values.
-
-    Notes
-    -----
-    The ratio of Student's to the normal quantile at the chance of a normal variable beyond ``reach``; a median of absolute values
-    is worth 0.37 of its values as degrees of freedom.
-    """
-    freedom = max(0.37 * independent, 3.0)
-    return float(student.isf(norm.sf(reach), freedom) / reach)
 
 
 @dataclass(frozen=True)
@@ -138,7 +99,7 @@ def speed_noise(values: Floats, reference_step: Floats, other_step: Floats, stab
     the noisiest, so that a pair of speeds that few places have is taken neither for free of noise nor for worth nothing). Where
     the speeds are not known the whole is shared evenly.
     """
-    some = slice(None, None, max(values.size // _SAMPLE, 1))
+    some = slice(None, None, sample_step(values.size))
     values, reference_step, other_step, stable = (part[some] for part in (values, reference_step, other_step, stable))
     good = stable & np.isfinite(values)
     whole = spread(values[good])

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
-from deform.change.noise_floor import few_looks_factor, spread, tail_factor
+from deform.change.noise_floor import spread
 from deform.change.pair import PairChange
+from deform.change.running_mean import running_mean
+from deform.change.significance import caution_factor, limit_of
 from deform.options import ChangeOptions
 from deform.run import build
 
@@ -37,7 +38,7 @@ def ovality_table(pairs: list[PairChange], axis: Floats, dents: pd.DataFrame, op
     rows: list[dict] = []
     for pair in pairs:
         if pair.ovality is not None:
-            rows += [row | {"run": pair.later[0], "since": pair.earlier[0]} for row in _stretches(pair, axis, options)]
+            rows += [row | {"run": pair.later, "since": pair.earlier} for row in _stretches(pair, axis, options)]
     for row in rows:
         row["remark"] = _near(row, dents)
     return build.table("ovality", pd.DataFrame(rows))
@@ -50,16 +51,16 @@ def _stretches(pair: PairChange, axis: Floats, options: ChangeOptions) -> list[d
     known = np.isfinite(pair.ovality)
     kilometres = known.sum() * step / 1000.0
     looks_per_100_km = sum(_LOOKS * 1e5 / w for w in _WINDOWS)
-    limit = float(chi2.isf(options.false_alarms_per_100_km / looks_per_100_km, 1))
+    limit = limit_of(options.false_alarms_per_100_km, looks_per_100_km, 1)
     best, change, noise = np.zeros(axis.size), np.zeros(axis.size), np.full(axis.size, np.nan)
     for window in _WINDOWS:
-        width = max(round(window / step), 1) | 1
-        mean, sigma = _mean(pair.ovality, width), _mean(pair.ovality_sigma, width)
+        width = round(window / step)
+        mean, sigma = (running_mean(part, width, least=0.5) for part in (pair.ovality, pair.ovality_sigma))
         z = mean / sigma
         scale, looks = spread(z[pair.stable]), _LOOKS * 1000.0 * kilometres / window
         if not (np.isfinite(scale) and scale > 0 and looks >= 10):
             continue
-        caution = few_looks_factor(looks, np.sqrt(limit)) * tail_factor(z[pair.stable] / scale, looks, np.sqrt(limit))
+        caution = caution_factor(z[pair.stable] / scale, looks, np.sqrt(limit))
         score = np.nan_to_num((z / (scale * caution)) ** 2)
         better = score > best
         best[better], change[better], noise[better] = score[better], mean[better], (sigma * scale)[better]
@@ -71,16 +72,6 @@ def _stretches(pair: PairChange, axis: Floats, options: ChangeOptions) -> list[d
         row = {"start_m": axis[first], "end_m": axis[last - 1], "peak_m": axis[top]}
         rows.append(row | {"ovality_change": pair.sign * change[top], "ovality_change_sigma": noise[top]})
     return rows
-
-
-def _mean(values: Floats, width: int) -> Floats:
-    """Running mean over known values, NaN where fewer than half are known."""
-    known = np.isfinite(values)
-    summed, count = (np.concatenate([[0.0], np.cumsum(v)]) for v in (np.where(known, values, 0.0), known.astype(float)))
-    low, high = (np.clip(np.arange(values.size) + k, 0, values.size) for k in (-(width // 2), width // 2 + 1))
-    number = count[high] - count[low]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(2 * number > width, (summed[high] - summed[low]) / number, np.nan)
 
 
 def _joined(edges: Floats, gap: int) -> list[tuple[int, int]]:

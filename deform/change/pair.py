@@ -16,6 +16,7 @@ from deform.change.intervals import between, clear_of, inside
 from deform.change.joint_change import Elongation
 from deform.change.noise_floor import speed_noise, speed_step, spread
 from deform.change.position_change import displacement_on, finer, noise_about_datum, raw_difference
+from deform.change.running_mean import running_mean
 from deform.change.stack import Layer
 from deform.change.support import find_support
 from deform.change.wavelength import Signals, Waves, scan, wavelengths
@@ -37,10 +38,10 @@ class PairChange:
     ----------
     run, reference : names. displacement, displacement_sigma : (n, 5) east, north, up, lateral, axial (m), or None without
     positions. curvature : change of each component, or None. ovality, ovality_sigma : (n,) or None. stable : (n,) true where
-    the pipe serves as datum. candidates : stretches that changed. place, signals, waves : the scan axis (m), what was
-    searched on it, the amplitudes of each wavelength after the zones were taken out. drift : (m, 3) what was taken for drift
-    of the runs, on the scan axis. floors : noise floor by quantity and speed class. limit : threshold on twice the log
-    likelihood ratio.
+    the pipe serves as datum. candidates : stretches that changed. waves : the amplitudes of each wavelength after the zones
+    were taken out. floors : noise floor by quantity and speed class. limit : threshold on twice the log likelihood ratio.
+    order : places of the reference and of the run among the runs of the line, the earliest first; dates are not needed for it,
+    and a run may have none.
     """
 
     run: str
@@ -52,13 +53,10 @@ class PairChange:
     ovality_sigma: Floats | None
     stable: Floats
     candidates: list[zones.Candidate]
-    place: Floats
-    signals: Signals | None
     waves: list[Waves]
-    drift: Floats | None
     floors: dict[str, dict[int, float]]
     limit: float
-    days: tuple[float, float] = (float("nan"), float("nan"))
+    order: tuple[int, int] = (0, 1)
     elongation: Elongation | None = None
     step: float = 1.0
     colour: dict[str, float] = field(default_factory=dict)
@@ -66,24 +64,17 @@ class PairChange:
     @property
     def sign(self) -> float:
         """1, or -1 when the run is older than the reference: what changed since then is the other way round."""
-        return -1.0 if self.days[1] < self.days[0] else 1.0
+        return -1.0 if self.order[1] < self.order[0] else 1.0
 
     @property
-    def earlier(self) -> tuple[str, float]:
-        """Name and day of the earlier of the two runs."""
-        return (self.reference, self.days[0]) if self.sign > 0 else (self.run, self.days[1])
+    def earlier(self) -> str:
+        """Name of the earlier of the two runs."""
+        return self.reference if self.sign > 0 else self.run
 
     @property
-    def later(self) -> tuple[str, float]:
-        """Name and day of the later of the two runs."""
-        return (self.run, self.days[1]) if self.sign > 0 else (self.reference, self.days[0])
-
-
-def pair_change(*args, **kwargs) -> PairChange:
-    """Return the change of one run since the reference run: `PairSearch` searched and finished."""
-    search = PairSearch(*args, **kwargs)
-    search.run()
-    return search.finish()
+    def later(self) -> str:
+        """Name of the later of the two runs."""
+        return self.run if self.sign > 0 else self.reference
 
 
 class PairSearch:
@@ -97,6 +88,7 @@ class PairSearch:
     options : thresholds and wavelengths.
     edits : stretches that were replaced between the two runs; nothing is said about them.
     elongation : of the joints of a stretch of the reference chainage, where both runs know their welds.
+    order : places of the two runs among those of the line, the earliest first.
     """
 
     def __init__(
@@ -108,10 +100,11 @@ class PairSearch:
         options: ChangeOptions,
         edits: tuple[tuple[float, float], ...] = (),
         elongation: Elongation | None = None,
+        order: tuple[int, int] = (0, 1),
     ):
         difference = raw_difference(reference, other)
         usable = other.valid & reference.valid & ~inside(axis, edits, options.edit_margin_m)
-        self.elongation = elongation
+        self.elongation, self.order = elongation, order
         self.reference, self.other, self.axis, self.options = reference, other, axis, options
         self.axes, self.difference, self.usable = axes, difference, usable
         self.speeds = speed_step(reference.values.get("speed"), axis.size), speed_step(other.values.get("speed"), axis.size)
@@ -170,13 +163,10 @@ class PairSearch:
             ovality_sigma=ovality_sigma,
             stable=self.stable,
             candidates=self.found,
-            place=self.place,
-            signals=self.signals,
             waves=self.waves,
-            drift=self.datum.drift if self.datum else None,
             floors=floors,
             limit=self.limit,
-            days=(self.reference.date, self.other.date),
+            order=self.order,
             elongation=self.elongation,
             step=self.step,
             colour=dict(zip(("horizontal", "vertical"), self._colour(), strict=True)),
@@ -312,7 +302,7 @@ class PairSearch:
         moved = self.scan_difference - datum.drift
         right = self.scan_axes[1]
         lateral = np.einsum("ij,ij->i", moved, right) / np.maximum(np.linalg.norm(right, axis=1), 1e-9)
-        size = _smooth(np.hypot(lateral, moved[:, 2]), max(round(5.0 / (self.place[1] - self.place[0])), 1))
+        size = running_mean(np.hypot(lateral, moved[:, 2]), round(5.0 / (self.place[1] - self.place[0])))
         floor = spread(size[quiet])
         return size, np.sqrt((floor if np.isfinite(floor) else 0.0) ** 2 + datum.variance[:, :3].max(axis=1))
 
@@ -360,11 +350,3 @@ class PairSearch:
 def _scan_axis(axis: Floats, size: int) -> Floats:
     count = axis.size // size
     return axis[0] + (np.arange(count) * size + 0.5 * (size - 1)) * (axis[1] - axis[0])
-
-
-def _smooth(values: Floats, width: int) -> Floats:
-    known = np.isfinite(values)
-    kernel = np.ones(width | 1)
-    weight = np.convolve(known.astype(float), kernel, mode="same")
-    total = np.convolve(np.where(known, values, 0.0), kernel, mode="same")
-    return np.where(weight > 0, total / np.maximum(weight, 1e-9), np.nan)

@@ -11,13 +11,13 @@ from deform.options import ChangeOptions
 _POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 
 
-def zone_words(row: dict, shown: list[str], epochs: list[tuple[str, float]], options: ChangeOptions) -> str:
+def zone_words(row: dict, shown: list[str], epochs: list[str], options: ChangeOptions) -> str:
     """Return the reasons of a zone of kind movement or bending.
 
     Parameters
     ----------
     row : the row of table ``zones``. shown : what shows the change alone, of position and curvature.
-    epochs : runs that show it, each with its day.
+    epochs : runs that show it, in their order.
     options : the stated rate of false alarms.
 
     Notes
@@ -55,12 +55,12 @@ def _size(row: dict) -> str:
     return f"Bending changed by {bent} from {row['since']} to {row['peak_epoch']}, tension {_side(row['peak_strain_clock_deg'])}"
 
 
-def _evidence(row: dict, shown: list[str], epochs: list[tuple[str, float]], options: ChangeOptions) -> str:
+def _evidence(row: dict, shown: list[str], epochs: list[str], options: ChangeOptions) -> str:
     how = {2: "Position and curvature each show it alone", 1: f"{' '.join(shown).capitalize()} shows it alone"}
     words = how.get(len(shown), "Position and curvature show it only together")
     rate = f"at {options.false_alarms_per_100_km:g} false alarms per 100 km"
     sure = f"(likelihood ratio {row['statistic']:.0f}, threshold {row['threshold']:.0f} {rate})"
-    return f"{words} {sure}; seen in {', '.join(name for name, _ in epochs)}"
+    return f"{words} {sure}; seen in {', '.join(epochs)}"
 
 
 def _caveat(row: dict, shown: list[str]) -> str:

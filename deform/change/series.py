@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from deform.change.running_mean import running_mean
 from deform.change.stack import day_of
 
 Floats = NDArray[Any]
@@ -65,8 +66,8 @@ def zone_series(comparison: Any) -> list[Series]:
 
 def _series(ds, subject, kind, parts, inside, axis, days, names) -> Series | None:
     """Values at the place of the largest change, along its direction there."""
-    width = max(round(_WIDTH / (axis[1] - axis[0])), 1)
-    stack = np.stack([_mean_rows(ds[p].values[:, inside], width) for p in parts])
+    own = np.stack([ds[p].values[:, inside] for p in parts])
+    stack = np.where(np.isfinite(own), running_mean(own, round(_WIDTH / (axis[1] - axis[0]))), np.nan)
     size = np.sqrt(np.nansum(stack**2, axis=0))
     if not np.isfinite(stack).any() or not size.max() > 0:
         return None
@@ -80,15 +81,6 @@ def _series(ds, subject, kind, parts, inside, axis, days, names) -> Series | Non
     changed = known & (share > 0)
     share = np.where(known & ~changed, np.median(share[changed]) if changed.any() else np.nan, share)
     return Series(subject, kind, days, np.where(known, value, np.nan), share, names)
-
-
-def _mean_rows(values: Floats, width: int) -> Floats:
-    if width >= values.shape[1]:
-        return values
-    kernel = np.ones(width | 1) / (width | 1)
-    padded = np.pad(np.nan_to_num(values), ((0, 0), (width // 2, width // 2)), mode="edge")
-    out = np.stack([np.convolve(row, kernel, mode="valid")[: values.shape[1]] for row in padded])
-    return np.where(np.isfinite(values[:, : out.shape[1]]), out, np.nan)
 
 
 def dent_series(comparison: Any) -> list[Series]:

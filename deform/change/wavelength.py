@@ -12,7 +12,8 @@ from scipy.signal import fftconvolve
 
 from deform.change import _kernels
 from deform.change.datum import DriftModel
-from deform.change.noise_floor import few_looks_factor, spread, tail_factor
+from deform.change.noise_floor import spread
+from deform.change.significance import caution_factor, few_looks_factor
 from deform.geometry.resample import robust_sigma
 
 Floats = NDArray[Any]
@@ -188,9 +189,9 @@ def _wave(signals: Signals, model: DriftModel, length: float, quiet: Floats, rea
         sigma = 1.0 / np.sqrt(total)
         sigma = sigma * [_spread(amplitude[:, m] / sigma[:, m], free) for m in range(2)]
         looks = _LOOKS * free.sum() * step / length
-        caution = np.full(2, few_looks_factor(looks, reach))
-        if tails:
-            caution *= [tail_factor((amplitude[:, m] / sigma[:, m])[free], looks, reach) for m in range(2)]
+        z = (amplitude / sigma)[free]
+        few = few_looks_factor(looks, reach)
+        caution = np.array([caution_factor(z[:, m], looks, reach) if tails else few for m in range(2)])
     typical = np.array([_middle(sigma[free, m]) for m in range(2)])
     return Waves(length, at, amplitude, sigma, position, position_sigma, curvature, curvature_sigma, typical, caution)
 

@@ -13,6 +13,8 @@ from deform.change.axial_zones import AxialZone
 from deform.change.first_epoch import first_epoch
 from deform.change.pair import PairChange
 from deform.change.reasons import axial_words, edit_words, zone_words
+from deform.change.running_mean import running_mean
+from deform.change.significance import confidence_of
 from deform.change.zones import TESTS_PER_WAVELENGTH, Candidate
 from deform.options import ChangeOptions
 from deform.run import build
@@ -51,7 +53,7 @@ def zone_table(
 
     Parameters
     ----------
-    pairs : changes of each run since the reference run, in the order of dates.
+    pairs : changes of each run since the reference run, in the order of the runs.
     steps : changes of runs since the run before, where that is not the reference run.
     grown : stretches whose joints grew or shrank. axis : reference chainage (m).
     edits : edits of the line, as `Matching.edits`.
@@ -110,7 +112,7 @@ def _row(group: _Group, pairs, axis, outside_diameter, options: ChangeOptions) -
     pair, best = group.best
     looks = TESTS_PER_WAVELENGTH * (axis[-1] - axis[0]) * sum(1.0 / w.length for w in pair.waves)
     told = flagged[at if moved else bent]
-    first = first_epoch(told, pairs, inside, peak, strain, options) or min(flagged, key=lambda p: p.later[1]).later[0]
+    first = first_epoch(told, pairs, inside, peak, strain, options) or min(flagged, key=lambda p: max(p.order)).later
     longer, longer_sigma = told.elongation(group.start, group.end) if told.elongation else (np.nan, np.nan)
     row = {
         "kind": "movement" if moved else "bending",
@@ -125,10 +127,10 @@ def _row(group: _Group, pairs, axis, outside_diameter, options: ChangeOptions) -
         "peak_displacement_m": peak["size"],
         "peak_displacement_sigma_m": peak["sigma"],
         "direction_deg": peak["direction"],
-        "confidence": float(np.clip(1.0 - looks * np.exp(-0.5 * best.statistic), 0.0, 1.0)),
+        "confidence": confidence_of(best.statistic, looks, 2),
         "peak_m": float(axis[inside][peak["index"]]) if peak["index"] is not None else best.centre,
-        "peak_epoch": told.later[0],
-        "since": told.earlier[0],
+        "peak_epoch": told.later,
+        "since": told.earlier,
         "peak_east_m": peak["vector"][0],
         "peak_north_m": peak["vector"][1],
         "peak_up_m": peak["vector"][2],
@@ -139,7 +141,8 @@ def _row(group: _Group, pairs, axis, outside_diameter, options: ChangeOptions) -
         "threshold": pair.limit,
     }
     shown = [name for name in ("position", "curvature") if getattr(best, f"{name}_score") > pair.limit]
-    row["reasons"] = zone_words(row, shown, sorted({p.later for p, _ in group.members}, key=lambda run: run[1]), options)
+    epochs = {max(p.order): p.later for p, _ in group.members}
+    row["reasons"] = zone_words(row, shown, [epochs[k] for k in sorted(epochs)], options)
     return row
 
 
@@ -155,13 +158,12 @@ def _peak_displacement(pair: PairChange, inside: Floats, step: float) -> dict:
     nothing = {"size": np.nan, "sigma": np.nan, "direction": np.nan, "index": None, "vector": (np.nan,) * 3}
     if pair.displacement is None or pair.displacement_sigma is None:
         return nothing
-    width = max(round(_PEAK_DISPLACEMENT_LENGTH / step), 1)
-    smooth = np.column_stack([_mean(pair.displacement[inside, m], width) for m in range(4)])
-    size = np.hypot(smooth[:, 3], smooth[:, 2])
+    smooth = _smooth(pair.displacement[inside, :4].T, _PEAK_DISPLACEMENT_LENGTH / step)
+    size = np.hypot(smooth[3], smooth[2])
     if not np.isfinite(size).any():
         return nothing
     i = int(np.nanargmax(size))
-    v, s = pair.sign * smooth[i, :3], pair.displacement_sigma[inside, :3][i]
+    v, s = pair.sign * smooth[:3, i], pair.displacement_sigma[inside, :3][i]
     full = float(np.linalg.norm(v))
     level, level_sigma = np.hypot(v[0], v[1]), np.hypot(*s[:2]) / np.sqrt(2.0)
     level_known = level > 3.0 * level_sigma and level > 0.25 * abs(v[2])
@@ -180,9 +182,8 @@ def _peak_strain(pair: PairChange, inside: Floats, step: float, outside_diameter
     parts = [pair.curvature.get(name) for name in ("horizontal", "vertical")]
     if not any(parts):
         return nothing
-    width = max(round(_PEAK_STRAIN_LENGTH / step), 1)
     zero = np.zeros(int(inside.sum()))
-    bent = np.stack([pair.sign * _mean(part.change[inside], width) if part else zero for part in parts])
+    bent = pair.sign * _smooth(np.stack([part.change[inside] if part else zero for part in parts]), _PEAK_STRAIN_LENGTH / step)
     size = np.sqrt(np.nansum(bent**2, axis=0))
     if not np.isfinite(bent).any():
         return nothing
@@ -193,14 +194,9 @@ def _peak_strain(pair: PairChange, inside: Floats, step: float, outside_diameter
     return {"size": float(size[i] * half), "sigma": spread * half, "clock": float(tension_clock(*bent[:, i]))}
 
 
-def _mean(values: Floats, width: int) -> Floats:
-    kernel = np.ones(min(width, values.size) | 1)
-    if kernel.size > values.size:
-        return values
-    known = np.isfinite(values)
-    total = np.convolve(np.where(known, values, 0.0), kernel, mode="same")
-    count = np.convolve(known.astype(float), kernel, mode="same")
-    return np.where(count > 0.5 * kernel.size, total / np.maximum(count, 1.0), np.where(known, values, np.nan))
+def _smooth(values: Floats, width: float) -> Floats:
+    """Running means where a value itself is known: elsewhere it has no sigma, and is no peak."""
+    return np.where(np.isfinite(values), running_mean(values, round(width)), np.nan)
 
 
 def _axial_row(zone: AxialZone) -> dict:
@@ -211,7 +207,7 @@ def _axial_row(zone: AxialZone) -> dict:
         "first_epoch": zone.run,
         "peak_displacement_m": abs(zone.change),
         "peak_displacement_sigma_m": zone.sigma,
-        "confidence": 1.0,
+        "confidence": zone.confidence,
         "peak_m": 0.5 * (zone.start + zone.end),
         "peak_epoch": zone.run,
         "since": zone.since,
@@ -240,6 +236,7 @@ def _in_edit(row: dict, edits: pd.DataFrame) -> bool:
 
 
 def _reconfigurations(edits: pd.DataFrame) -> list[dict]:
+    """Rows of replaced pipe, without a confidence: the matching states none for an edit."""
     if edits is None or not len(edits):
         return []
     return [
@@ -248,7 +245,6 @@ def _reconfigurations(edits: pd.DataFrame) -> list[dict]:
             "start_m": edit.start_m,
             "end_m": edit.end_m,
             "first_epoch": str(edit.run),
-            "confidence": 1.0,
             "reasons": edit_words(edit),
         }
         for edit in edits[edits["kind"].isin(EDITS)].itertuples(index=False)

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from deform.change.significance import limit_of
 from deform.change.wavelength import Waves
 
 Floats = NDArray[Any]
@@ -63,7 +63,7 @@ def threshold(lengths: Floats, false_alarms_per_100_km: float, joints: bool = Fa
     What joints say is bounded, so that one weld set wrong is no movement; three degrees are then on the safe side.
     """
     looks = float(np.sum(TESTS_PER_WAVELENGTH * 1e5 / np.asarray(lengths)))
-    return float(chi2.isf(false_alarms_per_100_km / looks, 3 if joints else 2))
+    return limit_of(false_alarms_per_100_km, looks, 3 if joints else 2)
 
 
 def peaks(

@@ -1,4 +1,6 @@
-"""A number of joints and what time and surveys do to them in, weld lists with true identities and traits out; no geometry."""
+"""A number of joints and what time and surveys do to them in, weld lists with true identities and traits out, without geometry:
+the simulator for studies of the matching (`benchmarks/matching.py`, `tests/correlate`), which no other part of deform calls.
+"""
 
 from __future__ import annotations
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from deform.change.axial_zones import axial_zones
+from deform.change.zone_table import zone_table
 from deform.options import ChangeOptions
 from deform.run import build
 
-DAYS = [16000.0, 17500.0, 19000.0]
 RUNS = ["r2013", "r2017", "r2022"]
 
 
@@ -36,31 +36,45 @@ def stretch(first, last, total, count=900):
 
 def test_string_that_grew_is_found_where_and_when_it_grew():
     begin, table = joints({"r2022": stretch(300, 312, 0.15)})
-    (zone,) = axial_zones(table, "r2013", RUNS, DAYS, ChangeOptions())
+    (zone,) = axial_zones(table, "r2013", RUNS, ChangeOptions())
     assert zone.run == "r2022"
     assert zone.change == pytest.approx(0.15, abs=4 * zone.sigma)
     assert min(zone.end, begin[312]) - max(zone.start, begin[300]) > 0.6 * (
         max(zone.end, begin[312]) - min(zone.start, begin[300])
     )
     assert zone.statistic > zone.limit
+    assert zone.confidence > 0.99
+
+
+def test_confidence_of_a_string_near_the_threshold_is_that_of_the_rate_of_false_alarms():
+    options = ChangeOptions(false_alarms_per_100_km=5.0)
+    zones = []
+    for seed in range(6):
+        begin, table = joints({"r2022": stretch(300, 304, 0.036)}, seed=seed)
+        zones += axial_zones(table, "r2013", RUNS, options)
+    told = zone_table([], [], zones, begin, None, 0.3, options).confidence
+    least = 1.0 - options.false_alarms_per_100_km * begin[-1] / 1e5
+    assert 0.3 < least < 0.6
+    assert told.between(least - 0.02, 1.0).all()
+    assert (told < 0.99).any()
 
 
 def test_growth_between_the_last_runs_is_told_once_and_shortening_has_its_sign():
     _, table = joints({"r2017": stretch(500, 520, -0.2), "r2022": stretch(500, 520, -0.2)})
-    (zone,) = axial_zones(table, "r2013", RUNS, DAYS, ChangeOptions())
+    (zone,) = axial_zones(table, "r2013", RUNS, ChangeOptions())
     assert zone.run in {"r2017", "r2022"}
     assert zone.change < 0
 
 
 def test_reference_that_is_the_last_run_turns_no_sign():
     _, table = joints({"r2013": stretch(500, 520, -0.2), "r2017": stretch(500, 520, -0.2)})
-    (zone,) = axial_zones(table, "r2022", RUNS, DAYS, ChangeOptions())
+    (zone,) = axial_zones(table, "r2022", RUNS, ChangeOptions())
     assert zone.change > 0
     assert zone.run == "r2022"
 
 
 def test_joints_that_did_not_change_make_no_zone():
-    assert not [zone for seed in range(6) for zone in axial_zones(joints({}, seed=seed)[1], "r2013", RUNS, DAYS, ChangeOptions())]
+    assert not [zone for seed in range(6) for zone in axial_zones(joints({}, seed=seed)[1], "r2013", RUNS, ChangeOptions())]
 
 
 def test_one_weld_set_wrong_is_no_strain_however_far():
@@ -69,14 +83,14 @@ def test_one_weld_set_wrong_is_no_strain_however_far():
     alone = np.zeros(900)
     alone[100] = 0.4
     for growth in (wrong, alone):
-        assert not axial_zones(joints({"r2022": growth})[1], "r2013", RUNS, DAYS, ChangeOptions())
+        assert not axial_zones(joints({"r2022": growth})[1], "r2013", RUNS, ChangeOptions())
 
 
 def test_chainage_that_a_slip_carried_off_and_the_next_joint_gave_back_is_no_strain():
     slipped = np.zeros(900)
     slipped[300:303] = -0.05, -0.05, 0.1
-    assert not axial_zones(joints({"r2022": slipped})[1], "r2013", RUNS, DAYS, ChangeOptions())
+    assert not axial_zones(joints({"r2022": slipped})[1], "r2013", RUNS, ChangeOptions())
 
 
 def test_no_joints_make_no_zones():
-    assert axial_zones(None, "r2013", RUNS, DAYS, ChangeOptions()) == []
+    assert axial_zones(None, "r2013", RUNS, ChangeOptions()) == []

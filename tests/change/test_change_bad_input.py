@@ -52,3 +52,25 @@ def test_run_without_a_date_keeps_its_place_and_gets_no_rate(date):
     assert list(comparison.zones.kind) == ["movement"]
     table = trends(comparison)
     assert not len(table) or table["rate_per_year"].isna().all()
+
+
+def test_run_without_a_date_that_stands_before_the_reference_is_the_earlier_one():
+    runs = runs_of(["", "2019-05-01"], shift=0.5)
+    undated = compare(runs, lines.identity_matching(runs, "r1")).zones
+    runs[0].attrs["date"] = "2015-05-01"
+    pd.testing.assert_frame_equal(undated, compare(runs, lines.identity_matching(runs, "r1")).zones)
+    (zone,) = undated.itertuples()
+    assert (zone.since, zone.peak_epoch, zone.first_epoch) == ("r0", "r1", "r1")
+    assert zone.peak_up_m == pytest.approx(0.5, abs=0.1)
+    assert " up " in zone.reasons
+
+
+def test_first_run_that_shows_a_movement_is_found_without_dates():
+    runs = runs_of(["2015-05-01", "", ""], shift=0.3)
+    (zone,) = compare(runs, lines.identity_matching(runs, "r2")).zones.itertuples()
+    assert zone.first_epoch == "r1"
+
+
+def test_run_without_a_date_keeps_its_place_among_runs_that_are_put_in_order():
+    runs = runs_of(["2023-05-01", "", "2015-05-01"])
+    assert list(compare(runs, lines.identity_matching(runs)).dataset.epoch.values) == ["r2", "r1", "r0"]

@@ -8,7 +8,9 @@ import pandas as pd
 import pytest
 import xarray as xr
 
+from deform.change.axial_zones import strings_of
 from deform.change.compare import compare
+from deform.change.joint_change import Elongation
 from deform.change.neighbours import between
 from deform.change.trend import trends
 from deform.errors import InputError
@@ -110,6 +112,17 @@ def test_pipe_that_did_not_move_gets_no_zone_but_a_detection_limit():
     assert (strings.limit_elongation_m > 4.0 * strings.noise_sigma).all()
 
 
+def test_limits_of_the_joints_are_those_that_the_search_holds_at_the_rate_that_was_asked_for():
+    line = lines.make_line(1200.0, seed=12)
+    runs = [lines.make_run(line, f"r{k}", f"201{k}-01-01", seed=80 + k) for k in range(2)]
+    for rate in (0.1, 10.0):
+        comparison = compare(runs, lines.identity_matching(runs), ChangeOptions(false_alarms_per_100_km=rate))
+        stated = comparison.limits.limit_elongation_m.dropna().to_numpy()
+        held = strings_of(Elongation(comparison.joints, "r1"), rate)
+        assert len(held) > 3
+        np.testing.assert_allclose(stated, [s.sigma * s.caution * np.sqrt(s.limit) for s in held])
+
+
 def test_cut_out_is_a_reconfiguration_and_no_movement():
     line = lines.make_line(2000.0, seed=4)
     after = lines.moved(line, lateral=np.where((line.chainage > 1000) & (line.chainage < 1060), 0.3, 0.0))
@@ -121,6 +134,7 @@ def test_cut_out_is_a_reconfiguration_and_no_movement():
     matching = lines.PlainMatching("r0", matching.maps | {"r1": held}, matching.joints, edits=pd.DataFrame(edit))
     comparison = compare(runs, matching)
     assert list(comparison.zones.kind) == ["reconfiguration"]
+    assert comparison.zones.confidence.isna().all()  # the matching states none for an edit
     gone = (comparison.dataset.chainage.values > 1001) & (comparison.dataset.chainage.values < 1059)
     assert np.isnan(comparison.dataset["displacement_up"].values[1, gone]).all()
 

@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from deform.change.noise_floor import SPEEDS, class_name, few_looks_factor, speed_noise, speed_step, spread, tail_factor
+from deform.change.noise_floor import SPEEDS, class_name, speed_noise, speed_step, spread
+from deform.change.significance import confidence_of, few_looks_factor, limit_of, tail_factor
 
 
 def test_speeds_go_to_logarithmic_steps_and_unknown_ones_to_their_own():
@@ -93,3 +94,9 @@ def test_few_values_say_nothing_of_tails_and_are_trusted_less():
     assert tail_factor(z, 30.0, 5.5) == 1.0
     assert few_looks_factor(30.0, 5.5) > 1.5
     assert few_looks_factor(1e5, 5.5) == pytest.approx(1.0, abs=1e-2)
+
+
+def test_threshold_and_confidence_are_two_sides_of_one_chance():
+    assert confidence_of(limit_of(0.1, 1000.0, 1), 1000.0, 1) == pytest.approx(0.9)
+    assert confidence_of(limit_of(0.1, 1000.0, 2), 1000.0, 2) == pytest.approx(0.9)
+    assert confidence_of(1.0, 1000.0, 1) == 0.0
