@@ -164,7 +164,7 @@ def _cell(value: Any, place: bool = False) -> str:
     if isinstance(value, float | np.floating):
         if place or not np.isfinite(value):
             return number(value)
-        return f"{value:.4g}" if abs(value) < 1e4 else number(value, 0)
+        return f"{value:.4g}" if abs(float(value)) < 1e4 else number(value, 0)
     return NOTHING if value is None or value is pd.NA else str(value)
 
 

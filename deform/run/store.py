@@ -79,7 +79,7 @@ def read_run(path: Path, groups: Iterable[str] | None = None) -> xr.DataTree:
     if not path.exists():
         raise InputError(Fault(str(path), "", "no such file"))
     try:
-        further = {"consolidated": False} if path.suffix == ".zarr" else {}
+        further: dict[str, Any] = {"consolidated": False} if path.suffix == ".zarr" else {}
         with xr.open_datatree(path, engine=engine(path), decode_times=False, **further) as tree:
             schema.check_version(tree.attrs, str(path))
             wanted = [n for n in tree.children if groups is None or n in set(groups)]
