@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+# The lock is complete, so that nothing is left to resolve; modules are compiled when they are first imported, most never are.
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 export MPLBACKEND := Agg
 
 .PHONY: demo test test-slow check bench lock clean system
@@ -14,6 +16,7 @@ test: $(STAMP) system
 	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile --no-loadscope-reorder --durations=15
 
 test-slow: $(STAMP) system
+	sh tools/system-packages.sh chromium poppler-utils
 	$(BIN)/python -m pytest -m slow -n auto --dist loadfile --no-loadscope-reorder --durations=15
 
 check: $(STAMP)
@@ -25,7 +28,7 @@ check: $(STAMP)
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks
 
-# System libraries for the PDF, the 3-D surfaces and the browser tests; without root the features that want them say so.
+# System libraries for the PDF and the 3-D surfaces; without root the features that want them say so.
 system: $(VENV)/.system
 
 $(VENV)/.system: tools/system-packages.sh | $(STAMP)
@@ -34,8 +37,8 @@ $(VENV)/.system: tools/system-packages.sh | $(STAMP)
 
 $(STAMP): pyproject.toml requirements.lock
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	$(PIP) --no-deps --no-compile -r requirements.lock
+	$(PIP) --no-deps --no-build-isolation --editable .
 	@touch $@
 
 # The lock names versions only, no addresses.
