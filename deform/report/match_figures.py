@@ -138,7 +138,7 @@ def probability_strip(data: xr.Dataset) -> Figure:
     axes.semilogy(place[sure], doubt[sure], "o", markersize=4, color=_ODD, label=f"{int(sure.sum())} below 0.9")
     axes.axhline(0.1, color=_ODD, linewidth=0.6)
     axes.set_ylim(5e-7, 1.5)
-    axes.set_ylabel("1 - probability")
+    axes.set_ylabel("1 - probability (-)")
     axes.set_xlabel("reference chainage (m)")
     axes.legend(loc="upper right")
     return figure

@@ -44,7 +44,7 @@ def test_a_chain_of_bends_longer_than_any_bend_is_its_bends():
 
 
 def test_a_bend_with_the_swing_of_the_tool_at_its_ends_is_one_bend():
-    """A tool that swings out by a degree before and behind a bend makes no bends of its own."""
+    """A tool that swings out by a degree before and behind a bend makes no bends of its own, and adds less than it swings."""
     tool, _ = trajectory((30.0,), 0.0)
     arc = np.radians(30.0) * RADIUS
     place = tool.chainage.values
@@ -52,4 +52,4 @@ def test_a_bend_with_the_swing_of_the_tool_at_its_ends_is_one_bend():
     tool["azimuth"] = tool["azimuth"] - swing * np.where(place < 50.0, 1.0, -1.0)
     found = bends(tool, DIAMETER)
     assert [r["direction"] for r in found] == ["right"]
-    assert found[0]["value"] == pytest.approx(30.0, abs=0.5)
+    assert found[0]["value"] == pytest.approx(30.0, abs=1.0)

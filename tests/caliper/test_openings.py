@@ -43,9 +43,8 @@ def test_two_openings_that_face_each_other_keep_their_own_clocks(found):
 
 
 def test_how_far_an_opening_reaches_is_as_sure_as_it_says(found):
-    order = [
-        int(np.argmin(np.hypot(found.chainage - t.chainage_m, np.sin(np.radians(found.clock - t.clock_deg) / 2)))) for t in TEES
-    ]
+    place, clock = found.chainage.values, np.radians(found.clock.values)
+    order = [int(np.argmin(np.hypot(place - t.chainage_m, np.sin((clock - np.radians(t.clock_deg)) / 2)))) for t in TEES]
     error = found.value.values[order] - np.array([t.height_m for t in TEES])
     assert np.abs(error / found.value_sigma.values[order]).max() < 3.0
     assert found.value_sigma.values.min() > NOISE_M / 3.0  # noise of a mean over five scans, at least

@@ -50,7 +50,7 @@ def test_confidence_of_a_string_near_the_threshold_is_that_of_the_rate_of_false_
     options = ChangeOptions(false_alarms_per_100_km=5.0)
     zones = []
     for seed in range(6):
-        begin, table = joints({"r2022": stretch(300, 304, 0.036)}, seed=seed)
+        begin, table = joints({"r2022": stretch(300, 304, 0.026)}, seed=seed)
         zones += axial_zones(table, "r2013", RUNS, options)
     told = zone_table([], [], zones, begin, None, 0.3, options).confidence
     least = 1.0 - options.false_alarms_per_100_km * begin[-1] / 1e5
