@@ -37,6 +37,7 @@ from deform.nav._kernels_state import (
     B_MOUNTING,
     B_SAG,
     B_SCALE,
+    B_SWAY,
     B_TILT,
     B_WOBBLE,
     BANDS,
@@ -234,12 +235,16 @@ def unit_row():
 
 
 @njit(cache=True, error_model="numpy")
-def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R, axes, decay, Q):
-    """Fill decay and Q of an epoch.
+def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R, axes, decay, follows, Q, shared):
+    """Fill decay and Q of an epoch, by how much each state of the wobble follows the one that drives it, and their shared noise.
 
     ``walk`` variance per second, ``travel_walk`` per metre; ``tau`` correlation time and ``reach`` correlation length of a
     Gauss-Markov state (0 = none) of variance ``steady``. ``unknown``: variance per second of gap of attitude and velocity,
     and per radian of turn of the attitude.
+
+    A component w of the wobble is driven by a Gauss-Markov state u of the same length l: w' = (u - w) / l, u' = -u / l + noise.
+    It is smooth: a tool is longer than the short waves that a Gauss-Markov state alone would have. Its covariance is
+    sigma² (1 + d / l) exp(-d / l) over a distance d (Matérn's of order 3/2).
     """
     n = decay.size
     T, s = row[DURATION], abs(row[TRAVEL])
@@ -247,6 +252,12 @@ def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R
         fade = (T / tau[i] if tau[i] > 0.0 else 0.0) + (s / reach[i] if reach[i] > 0.0 else 0.0)
         decay[i] = math.exp(-fade) if fade > 0.0 else 1.0
         Q[i] = walk[i] * T + travel_walk[i] * s + steady[i] * (1.0 - decay[i] * decay[i])
+    w = at[B_WOBBLE]
+    for i in range(follows.size):
+        f = s / reach[w + i]
+        fade, follows[i] = decay[w + i] * decay[w + i], f
+        Q[w + i] = steady[w + i] * (1.0 - fade * (1.0 + 2.0 * f + 2.0 * f * f))
+        shared[i] = steady[w + i] * (1.0 - fade * (1.0 + 2.0 * f))
     turn = 0.0
     for j in range(9):
         turn += abs(row[TURN_BY_AXIS + j])
@@ -256,6 +267,49 @@ def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R
         Q[i] += (0.03 * s) ** 2 if row[GAP] > 0.0 else 0.0
         if reckoned:
             Q[i] += R[0] * axes[0, i] ** 2 + R[1] * axes[1, i] ** 2 + R[2] * axes[2, i] ** 2
+
+
+@njit(cache=True, error_model="numpy")
+def follow_rows(F, at, follows):
+    """Rows F of a transition become those that act behind `drive_wobble`."""
+    w, u = at[B_WOBBLE], at[B_SWAY]
+    for i in range(follows.size):
+        for r in range(F.shape[0]):
+            F[r, u + i] -= follows[i] * F[r, w + i]
+
+
+@njit(cache=True, error_model="numpy")
+def drive_wobble(P, at, follows):
+    """Covariance when each state of the wobble has taken its part of the one that drives it."""
+    w, u = at[B_WOBBLE], at[B_SWAY]
+    for i in range(follows.size):
+        for j in range(P.shape[0]):
+            P[w + i, j] += follows[i] * P[u + i, j]
+    for i in range(follows.size):
+        for j in range(P.shape[0]):
+            P[j, w + i] += follows[i] * P[j, u + i]
+
+
+@njit(cache=True, error_model="numpy")
+def adjoint_drive_wobble(adjoint, information, at, follows):
+    """Take `drive_wobble` back."""
+    w, u = at[B_WOBBLE], at[B_SWAY]
+    for i in range(follows.size):
+        adjoint[u + i] += follows[i] * adjoint[w + i]
+        for j in range(adjoint.size):
+            information[u + i, j] += follows[i] * information[w + i, j]
+    for i in range(follows.size):
+        for j in range(adjoint.size):
+            information[j, u + i] += follows[i] * information[j, w + i]
+
+
+@njit(cache=True, error_model="numpy")
+def share_noise(P, at, shared):
+    """Add the noise that each state of the wobble shares with the one that drives it."""
+    w, u = at[B_WOBBLE], at[B_SWAY]
+    for i in range(shared.size):
+        P[w + i, u + i] += shared[i]
+        P[u + i, w + i] += shared[i]
 
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)

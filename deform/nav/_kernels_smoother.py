@@ -11,14 +11,16 @@ from deform.nav._kernels import COLUMNS, GAP, PARAMETERS, correct_row
 from deform.nav._kernels_filter import OTHER
 from deform.nav._kernels_model import (
     SUMS,
+    adjoint_drive_wobble,
     adjoint_lead,
+    follow_rows,
     lead,
     odometer_rows,
     odometer_step,
     process,
     track_axes,
 )
-from deform.nav._kernels_state import B_DISTANCE, MATRIX, NAVIGATED, adjoint_begin_anew, feed_back
+from deform.nav._kernels_state import B_DISTANCE, B_SWAY, B_WOBBLE, MATRIX, NAVIGATED, WAVES, adjoint_begin_anew, feed_back
 
 PARAMETERS_EVERY = 10  # bounds between two sigmas of the instruments' parameters; in between the last one holds
 
@@ -83,6 +85,7 @@ def backward(first, last, travel, span, noise, buffers, adjoint, information, sm
     n, full = adjoint.size, NAVIGATED + (1 if at[B_DISTANCE] >= 0 else 0)
     F, J, D, axes, row = np.empty((full, n)), np.empty((3, n)), np.empty(3), np.empty((3, 3)), np.empty(COLUMNS)
     decay, Q, dx, g, a, U = np.ones(n), np.zeros(n), np.zeros(n), np.empty(n), np.empty(n), np.empty((n, n))
+    follows, shared = np.zeros((2, 2 * WAVES if at[B_WOBBLE] >= 0 else 0))
     wanted, learns = smooth.shape[0] > 0, pull.shape[0] > 0
     for k in range(last, first - 1, -1):
         b = k - first
@@ -94,11 +97,16 @@ def backward(first, last, travel, span, noise, buffers, adjoint, information, sm
             odometer_step(row, x, axes, change, tilt, D)
             odometer_rows(row, x, at, axes, change, tilt, D, J)
             lead(row, x, at, reckoned or row[GAP] > 0.0, axes, J, F)
-            process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R[k], axes, decay, Q)
+            process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R[k], axes, decay, follows, Q, shared)
+            follow_rows(F, at, follows)
             if learns:
                 for i in range(n):
                     drive[i] += 0.5 * (adjoint[i] * adjoint[i] - information[i, i]) * Q[i]
+                for i in range(shared.size):
+                    w, u = at[B_WOBBLE] + i, at[B_SWAY] + i
+                    drive[u] += (adjoint[w] * adjoint[u] - information[w, u]) * shared[i]
             adjoint_lead(adjoint, information, F, decay, U, a)
+            adjoint_drive_wobble(adjoint, information, at, follows)
         if begins.size > 0 and begins[k] > 0:
             adjoint_begin_anew(adjoint, information, at, begins[k])
         if wanted:

@@ -16,10 +16,11 @@ from deform.run.raw import RunHeader
 Floats = NDArray[np.float64]
 STANDARD_GRAVITY = 9.80665
 
-WOBBLE_LENGTHS_M = (3.0, 12.0, 50.0, 200.0, 800.0)  # of the components of the wobble; a corner lies at 2 pi times its length
+WOBBLE_LENGTHS_M = (3.0, 12.0, 50.0, 200.0)  # of the components of the wobble; a corner lies at 2 pi times its length
 # Sigma of each before the data have spoken: alike up to the length of some joints; beyond it falling with it, so that the
 # spectrum is flat in long waves: nothing in a tool remembers hundreds of metres but its sag and mounting, states of their own.
-WOBBLE_DEG = (0.05, 0.05, 0.05, 0.0125, 0.003)
+WOBBLE_DEG = (0.05, 0.05, 0.005, 0.001)
+SWAY_VARIANCE = 2.0  # of what drives a component of the wobble, against the component's own
 SHEAR_RAD = 1e-4  # askewness of a triad's axes that makers do not state
 SCALE_WALK = 3e-6  # of the odometer's scale per root metre
 BIAS_CORRELATION_S = 8e4  # an hour then takes a bias away by three tenths of its sigma
@@ -59,11 +60,12 @@ SLOTS = {
     "delay": kernels.B_DELAY,
     "sag": kernels.B_SAG,
     "wobble": kernels.B_WOBBLE,
+    "sway": kernels.B_SWAY,
     "tilt": kernels.B_TILT,
     "distance": kernels.B_DISTANCE,
     "course": kernels.B_COURSE,
 }
-# wobble: direction of the pipe against the tool's axis, to the right and up, for each component
+# wobble: direction of the pipe against the tool's axis, to the right and up, for each component; sway: what drives each of these
 # gyro_shear: what the forward gyro sees of turns about right and up, the right one of that about up; what the others see of the
 # roll works as a mounting does
 # accel_shear: what those right and up see of each other's force, the forward one of right and up, those of the forward one's
@@ -77,7 +79,7 @@ MODELS: dict[str, tuple[tuple[str, ...], bool]] = {
     "full": (
         (
             *("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", "gyro_shear", "accel_shear"),
-            *("mounting", "scale", "delay", "sag", "wobble", "tilt"),
+            *("mounting", "scale", "delay", "sag", "wobble", "sway", "tilt"),
         ),
         False,
     ),
@@ -127,9 +129,17 @@ class ErrorModel:
 
     def with_wobble(self, variance: Floats) -> ErrorModel:
         """Return the model with other variances of the wobble (component, right and up) in radian²."""
-        first, steady, here = self.variance.copy(), self.steady.copy(), self.index("wobble")
-        first[here] = steady[here] = np.ravel(variance)
+        first, steady = self.variance.copy(), self.steady.copy()
+        for name, factor in (("wobble", 1.0), ("sway", SWAY_VARIANCE)):
+            first[self.index(name)] = steady[self.index(name)] = factor * np.ravel(variance)
         return replace(self, variance=first, steady=steady)
+
+    def first_covariance(self) -> Floats:
+        """Return the first covariance (n, n) of the states behind the nine, in the nine zero."""
+        P = np.diag(self.variance)
+        w, u = np.arange(self.size)[self.index("wobble")], np.arange(self.size)[self.index("sway")]
+        P[w, u] = P[u, w] = self.variance[w]  # what drives the wobble has twice its variance, half of which they share
+        return P
 
     def with_biases(self, correlation_s: Floats) -> ErrorModel:
         """Return the model with other correlation times of gyro and accelerometer bias (s)."""
@@ -186,6 +196,7 @@ def blocks_of(header: RunHeader, names: Sequence[str]) -> tuple[Block, ...]:
         "delay": (0.05, 0.0, 0.0),
         "sag": (math.radians(0.1), 0.0, 0.0),
         "wobble": (0.0, 0.0, 0.0),
+        "sway": (0.0, 0.0, 0.0),
         "tilt": (1.0, 0.0, 0.0),
         "distance": (0.0, 0.0, 0.0),
         "course": (math.pi, 0.0, 0.0),
@@ -206,8 +217,9 @@ def assemble(name: str, blocks: Sequence[Block], reckoned: bool, header: RunHead
         here = slice(first, first + block.size)
         at[SLOTS[block.name]] = first
         variance[here], tau[here], travel_walk[here] = block.sigma**2, block.correlation_s, block.walk**2
-        if block.name == "wobble":
-            variance[here], reach[here] = np.repeat(np.radians(WOBBLE_DEG) ** 2, 2), np.repeat(WOBBLE_LENGTHS_M, 2)
+        if block.name in ("wobble", "sway"):
+            factor = SWAY_VARIANCE if block.name == "sway" else 1.0
+            variance[here], reach[here] = factor * np.repeat(np.radians(WOBBLE_DEG) ** 2, 2), np.repeat(WOBBLE_LENGTHS_M, 2)
         steady[here] = variance[here] * ((tau[here] > 0) | (reach[here] > 0))
         first += block.size
     known = at[SLOTS["gyro_scale"]] >= 0 and at[SLOTS["gyro_shear"]] >= 0

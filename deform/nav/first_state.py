@@ -58,7 +58,7 @@ def first_state(
     state = np.zeros(kernels.STATE_COLUMNS)
     state[:3], state[3:6], state[6:15] = place, aligned.attitude[:, 1] * speed, aligned.attitude.ravel()
     nine = [sigma**2] * 3, [0.01**2 + (0.05 * speed) ** 2] * 3, np.minimum(10.0 * aligned.sigma, [0.2, 0.2, 1.0]) ** 2
-    covariance = np.diag(model.variance)
+    covariance = model.first_covariance()
     covariance[:9, :9] = np.diag(np.concatenate(nine))
     return Start(state, covariance), aligned
 

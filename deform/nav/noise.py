@@ -26,6 +26,9 @@ LEAST_EPOCHS = 200  # in motion, in a stretch that may teach
 DOUBT = 2.0  # factor on the sigmas of the state at the beginning of a stretch
 OUTLIER = 4.5  # sigma beyond which a displacement teaches nothing
 ROUNDS, ITERATIONS, MOST_STEP = 6, 12, 2.5  # a round lets a logarithm go so far
+# Noise of the velocity within an epoch moves the tool as well, and the filter lets it begin at the epoch's end. A noise of the
+# displacement below this part of the usual one would only stand for that: what is learned from it is not believed.
+LEAST_PART = math.exp(-2.5)
 
 # What is expected of a tool: spreads of logarithms of powers and variances before the data have spoken
 WOBBLE_SPREAD, SHAPE_SPREAD = 2.0, 2.0  # of the wobble's variances against a usual tool's; of neighbours, and of right and up
@@ -85,7 +88,7 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
     needs some tens of passes. A broad prior holds what the data cannot see: long waves on a short line, or under a poor unit.
 
     The components of the wobble have fixed lengths: their variances alone are sought, and the sum has any spectrum that does not
-    fall towards long waves and does not rise faster than the square of the wavelength.
+    fall towards long waves and does not rise faster than the fourth power of the wavelength.
 
     A displacement beyond `OUTLIER` sigma is left out, and the search begun anew, until the same ones are out. (To count it at a
     bound instead rewards a small sigma as soon as many lie beyond: with the heading lost in a gap the noise then collapsed.)
@@ -99,15 +102,20 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
         return problem
     buffers = Buffers.of(problem.model.size, max(p.epochs.bounds.size for p in parts))
     usual = Noise.usual().logs
+    least = np.concatenate([np.full(2 * WAVES, -np.inf), usual[2 * WAVES :] + math.log(LEAST_PART)])
     x, used, settled = usual.copy(), [np.zeros((0, 3), bool)] * len(parts), False
     for _ in range(ROUNDS):
         before, used = used, [_plausible(apply(p, Noise.of(x))) for p in parts]
         if settled and all((a == b).mean() > 0.999 for a, b in zip(before, used, strict=True)):
             break
         taught = [_only(p, use) for p, use in zip(parts, used, strict=True)]
-        options, bounds = {"maxiter": ITERATIONS, "ftol": 1e-6}, [(v - MOST_STEP, v + MOST_STEP) for v in x]
+        options, bounds = (
+            {"maxiter": ITERATIONS, "ftol": 1e-6},
+            np.column_stack([np.maximum(x - MOST_STEP, least), x + MOST_STEP]),
+        )
         found = minimize(_misfit, x, (taught, usual, buffers), "L-BFGS-B", jac=True, bounds=bounds, options=options)
-        settled, x = bool(found.success), found.x
+        stopped = (np.abs(found.x - x) > 0.999 * MOST_STEP) & (found.x > least + 1e-3)
+        settled, x = bool(found.success) and not stopped.any(), found.x
     noise = Noise.of(x)
     _tell(noise)
     return apply(problem, noise)
@@ -116,16 +124,16 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
 def wobble_spectrum(variance: Floats, wavelength: Floats) -> Floats:
     """Return the two-sided power spectral density (radian² m) of the wobble at wavelengths (m), right and up: (wavelength, 2)."""
     lengths = np.array(WOBBLE_LENGTHS_M)
-    return 2.0 * lengths / (1.0 + (2.0 * np.pi * lengths / np.asarray(wavelength, float)[:, None]) ** 2) @ variance
+    return 4.0 * lengths / (1.0 + (2.0 * np.pi * lengths / np.asarray(wavelength, float)[:, None]) ** 2) ** 2 @ variance
 
 
 def apply(problem: Problem, noise: Noise) -> Problem:
     """Return the problem with such noise."""
     model = problem.model.with_wobble(noise.wobble).with_biases(noise.bias_s)
-    here = model.index("wobble")
+    here = np.r_[model.index("wobble"), model.index("sway")]
     P = problem.start.covariance.copy()
     P[here, :] = P[:, here] = 0.0
-    P[here, here] = np.diag(model.variance[here])
+    P[np.ix_(here, here)] = model.first_covariance()[np.ix_(here, here)]
     travel = problem.travel.with_noise(noise.along, float(noise.ride[0]), float(noise.ride[1]), noise.rest)
     return replace(problem, model=model, travel=travel, start=replace(problem.start, covariance=P))
 
@@ -188,9 +196,10 @@ def _misfit(x: Floats, parts: list[Problem], usual: Floats, buffers: Buffers) ->
         ride = [np.sum((found.pull[:, c] * travel.travel)[moving[:, c]]) * noise.ride[c - 1] for c in (1, 2)]
         along = np.sum((found.pull[:, 0] * travel.along_shape)[moving[:, 0]]) * noise.along
         bias = [-found.drive[model.index(name)].sum() for name in ("gyro_bias", "accel_bias")]
+        wobble = found.drive[model.index("wobble")] + found.drive[model.index("sway")]
         rest = found.pull[known & travel.stationary[:, None]].sum() * noise.rest
         value -= found.score
-        slope -= np.concatenate([found.drive[model.index("wobble")], ride, [along], bias, [rest]])
+        slope -= np.concatenate([wobble, ride, [along], bias, [rest]])
     return value, slope
 
 

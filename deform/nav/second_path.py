@@ -87,7 +87,8 @@ def swung(model: ErrorModel, way: Floats) -> Floats:
     """Variance (m²) of the path across the pipe by the wobble summed over a way (m), of the worse of right and up."""
     here = model.index("wobble")
     length, variance = model.reach[here][::2, None], model.steady[here].reshape(-1, 2).max(axis=1, initial=0.0)[:, None]
-    return np.sum(2.0 * variance * length * (way + length * np.expm1(-way / length)), axis=0)
+    far = way / length
+    return np.sum(2.0 * variance * length**2 * (2.0 * far - 3.0 + (3.0 + far) * np.exp(-far)), axis=0)
 
 
 def _degrees(places: Floats) -> tuple[Floats, Floats, Floats]:

@@ -85,6 +85,7 @@ def slopes(problem: Problem, buffers: Buffers) -> Slopes:
     nowhere = np.empty((0, STATE_COLUMNS)), np.empty((0, n))
     fixed = problem.moves, problem.spans.arguments, model.arguments, buffers.arguments
     kernels.backward(0, last, *fixed, adjoint, information, *nowhere, pull, drive)
-    here = model.index("wobble")  # its first covariance is that of the long run
-    drive[here] += 0.5 * (adjoint[here] ** 2 - np.diag(information)[here]) * model.steady[here]
+    w, u = (np.arange(n)[model.index(name)] for name in ("wobble", "sway"))  # their first covariance is that of the long run
+    push, first = np.outer(adjoint, adjoint) - information, model.first_covariance()
+    drive[u] += 0.5 * (push[w, w] * first[w, w] + 2.0 * push[w, u] * first[w, u] + push[u, u] * first[u, u])
     return Slopes(float(out.score.sum()), pull, drive)

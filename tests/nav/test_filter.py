@@ -86,6 +86,8 @@ def test_smoother_equals_the_plain_twin():
     model, travel, table = problem.model, problem.travel, problem.epochs.table
     F, J, D, axes = np.empty((9, n)), np.empty((3, n)), np.empty(3), np.empty((3, 3))
     row, decay, Q = np.empty(table.shape[1]), np.ones(n), np.zeros(n)
+    w, u = (np.arange(n)[model.index(name)] for name in ("wobble", "sway"))
+    follows, shared = np.zeros(w.size), np.zeros(w.size)
     at, reckoned, *noise = model.arguments
     for k in range(n_bounds - 1):
         s, change = buffers.states[k], travel.speeds[k + 1] - travel.speeds[k]
@@ -94,11 +96,13 @@ def test_smoother_equals_the_plain_twin():
         _kernels_model.odometer_step(row, s, axes, change, travel.tilt[k], D)
         _kernels_model.odometer_rows(row, s, at, axes, change, travel.tilt[k], D, J)
         _kernels_model.lead(row, s, at, False, axes, J, F)
-        _kernels_model.process(row, at, *noise, reckoned, travel.variance[k], axes, decay, Q)
-        full = np.diag(decay)
+        _kernels_model.process(row, at, *noise, reckoned, travel.variance[k], axes, decay, follows, Q, shared)
+        full, drive = np.diag(decay), np.diag(Q)
         full[:9] = F
+        full[w, u] = decay[w] * follows
+        drive[w, u] = drive[u, w] = shared
         transitions.append(full)
-        predicted.append(full @ buffers.covariances[k] @ full.T + np.diag(Q))
+        predicted.append(full @ buffers.covariances[k] @ full.T + drive)
     # errors against the filtered states: the filter's own error estimate is zero behind each feedback, the next state is known
     jumps = np.zeros((n_bounds, n))
     _, covariances = naive.rauch_tung_striebel(jumps, buffers.covariances[:n_bounds], predicted, transitions)
