@@ -9,7 +9,7 @@ from numba import njit
 from deform.geometry._kernels import turn_left
 from deform.nav._kernels import shift_place
 
-WAVES = 4  # components of the wobble, each with a length of its own and a state that drives it
+WAVES = 3  # components of the wobble, each with a length of its own and a state that drives it
 BANDS = 2  # wave bands of the tilt seen by the arms, each believed by its own share
 
 # Columns of a state: place at 0, velocity at 3, matrix, then the parameters in the order of the slots.

@@ -16,10 +16,11 @@ from deform.run.raw import RunHeader
 Floats = NDArray[np.float64]
 STANDARD_GRAVITY = 9.80665
 
-WOBBLE_LENGTHS_M = (3.0, 12.0, 50.0, 200.0)  # of the components of the wobble; a corner lies at 2 pi times its length
-# Sigma of each before the data have spoken: alike up to the length of some joints; beyond it falling with it, so that the
-# spectrum is flat in long waves: nothing in a tool remembers hundreds of metres but its sag and mounting, states of their own.
-WOBBLE_DEG = (0.05, 0.05, 0.005, 0.001)
+WOBBLE_LENGTHS_M = (3.0, 6.0, 12.0)  # of the components of the wobble; a corner lies at 2 pi times its length
+# Sigma of each before the data have spoken. Beyond the longest corner, some 75 m, the spectrum is flat: nothing in a tool
+# remembers hundreds of metres but its sag and mounting, states of their own, and longer waves are seen by marks alone. Of the
+# sets of lengths tried these gave simulated and demonstration runs the greatest likelihood.
+WOBBLE_DEG = (0.05, 0.05, 0.05)
 SWAY_VARIANCE = 2.0  # of what drives a component of the wobble, against the component's own
 SHEAR_RAD = 1e-4  # askewness of a triad's axes that makers do not state
 SCALE_WALK = 3e-6  # of the odometer's scale per root metre

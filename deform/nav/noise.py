@@ -109,10 +109,8 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
         if settled and all((a == b).mean() > 0.999 for a, b in zip(before, used, strict=True)):
             break
         taught = [_only(p, use) for p, use in zip(parts, used, strict=True)]
-        options, bounds = (
-            {"maxiter": ITERATIONS, "ftol": 1e-6},
-            np.column_stack([np.maximum(x - MOST_STEP, least), x + MOST_STEP]),
-        )
+        options = {"maxiter": ITERATIONS, "ftol": 1e-6}
+        bounds = np.column_stack([np.maximum(x - MOST_STEP, least), x + MOST_STEP])
         found = minimize(_misfit, x, (taught, usual, buffers), "L-BFGS-B", jac=True, bounds=bounds, options=options)
         stopped = (np.abs(found.x - x) > 0.999 * MOST_STEP) & (found.x > least + 1e-3)
         settled, x = bool(found.success) and not stopped.any(), found.x

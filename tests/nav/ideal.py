@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,13 +13,7 @@ from deform.nav.strapdown import Counts
 from deform.run.raw import ImuHeader
 
 GYRO_PULSE, ACCEL_PULSE = 1e-12, 1e-10
-WOBBLE_WAVES_M, WOBBLE_LENGTH_M = np.geomspace(3.0, 1000.0, 80), 10.0
-
-
-def wobble_amplitudes(wobble_deg: float):
-    """Amplitudes (degree) of a wobble whose spectrum falls with the fourth power of short wavelengths: a tool is stiff."""
-    power = 1.0 / WOBBLE_WAVES_M / (1.0 + (2.0 * np.pi * WOBBLE_LENGTH_M / WOBBLE_WAVES_M) ** 2) ** 2
-    return wobble_deg * np.sqrt(2.0 * power / power.sum())
+WOBBLE_WAVES_M = (14.0, 23.0, 38.0, 61.0, 100.0, 165.0)
 
 
 @dataclass(frozen=True)
@@ -39,7 +32,7 @@ def ideal_run(duration: float, rate: float = 100.0, latitude: float = 61.0, rest
               wobble_deg: float = 0.0) -> Ideal:  # fmt: skip
     """Return a run that rolls, climbs and turns along body y after a rest; biases (rad/s, m/s²) are those of all axes.
 
-    ``wobble_deg``: how far the tool's axis sways against the path, right and up, as root mean square.
+    ``wobble_deg``: how far the tool's axis sways against the path, right and up, as root mean square over `WOBBLE_WAVES_M`.
     """
     h = 1.0 / (rate * substeps)
     t = np.arange(round(duration / h) + 1) * h
@@ -54,10 +47,9 @@ def ideal_run(duration: float, rate: float = 100.0, latitude: float = 61.0, rest
     place = _places(v, h, latitude)
     if wobble_deg:
         along = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * h)])
-        for i, (w, size) in enumerate(zip(WOBBLE_WAVES_M, wobble_amplitudes(wobble_deg), strict=True)):
-            phase = 2.0 * np.pi * along / w + 2.4 * i  # the golden angle: no two waves in step
-            azimuth = azimuth + size * (np.sin(phase) - math.sin(2.4 * i))
-            pitch = pitch + size * (np.cos(phase) - math.cos(2.4 * i))
+        size = wobble_deg * np.sqrt(2.0 / len(WOBBLE_WAVES_M))
+        azimuth = azimuth + sum(size * np.sin(2.0 * np.pi * along / w) for w in WOBBLE_WAVES_M)
+        pitch = pitch + sum(size * (np.cos(2.0 * np.pi * along / w) - 1.0) for w in WOBBLE_WAVES_M)
     C = attitude_to_matrix(azimuth, pitch, roll)
     lat_deg, height = np.degrees(place[:, 0]), place[:, 2]
     ie = earth.earth_rate(lat_deg)
