@@ -83,9 +83,7 @@ def main() -> None:
     print(f"the direct fit takes {seconds['direct'] / seconds['sums']:.2f} times its limit, reading and forming the sums")
     if "scikit-image" in seconds:
         ratio = {n: seconds["scikit-image"] / seconds[n] for n in ("direct", "full")}
-        print(
-            f"scikit-image takes {ratio['direct']:.0f} times the direct fit, {ratio['full']:.0f} times the full adjustment (bar 100)"
-        )
+        print(f"scikit-image takes {ratio['direct']:.0f} times the direct fit, {ratio['full']:.0f} times the full one (bar 100)")
 
 
 if __name__ == "__main__":

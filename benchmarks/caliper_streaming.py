@@ -16,13 +16,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
+from benchmarks._caliper_line import even_trajectory
 from deform.caliper.measure import Measurement, measure
 from deform.options import RouteOptions, RunOptions, SimulateOptions, ToolOptions
 from deform.readers.raw_folder import read_raw_folder
-from deform.run import build
-from deform.run.raw import RawRun
 from deform.synthetic import arms, files, imu
 
 ARMS, STEP, SPEED, JOINT = 64, 0.01, 1.5, 12.2  # arms, m, m/s, m
@@ -70,15 +68,6 @@ def shaken(seconds: float, grade: imu.Grade) -> Iterator[tuple[np.ndarray, np.nd
         yield time, counts[0], counts[1]
 
 
-def trajectory(raw: RawRun) -> xr.Dataset:
-    """The even passage as navigation would give it, at 20 Hz."""
-    time = np.arange(0.0, float(raw.imu["time"][-1]), 0.05)
-    zero = np.zeros_like(time)
-    names = ("latitude", "longitude", "height", "east_sigma", "north_sigma", "up_sigma", "azimuth", "pitch")
-    values = {"time": time, "chainage": SPEED * time, "log_distance": SPEED * time, "roll": 0.1 * time, "speed": zero + SPEED}
-    return build.dataset("trajectory", {**dict.fromkeys(names, zero), **values})
-
-
 def peak() -> float:
     """Largest memory that this process has held (GB)."""
     status = Path("/proc/self/status").read_text(encoding="ascii")
@@ -90,7 +79,7 @@ def measured(folder: Path) -> None:
     peaks = {"imports": peak()}
     start, work = time.perf_counter(), time.process_time()
     raw = read_raw_folder(folder)
-    passed = trajectory(raw)
+    passed = even_trajectory(float(raw.imu["time"][-1]), SPEED, 0.1)
     peaks["inertial unit and trajectory"] = peak()
 
     def stage(fraction: float) -> None:

@@ -154,7 +154,7 @@ def _conics(x, z, scale, work, sums, conics):
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _solve_together(rows):
-    """Cholesky solution of 5 by 5 systems, one per column: the step is the outer loop, so that columns are worked on side by side.
+    """Cholesky solution of 5 by 5 systems, one per column; each step is done for all columns side by side.
 
     rows (20, n): the lower triangles row by row, then the right sides, which become the solutions; NaN where a matrix is not
     positive definite.
