@@ -1,7 +1,8 @@
 """Dents unlike those of the simulator, measured by the caliper room: errors of the depth, and how often its sigma holds.
 
 Run with ``python -m benchmarks.dent_shapes [tool ...]``. The readings are made here, by shapes that the fit does not have: the
-simulator and the fit share a family of shapes, and the fit's prior has its middle at the simulator's usual dent.
+simulator and the fit share a family of shapes, and the fit's prior has its middle at the simulator's usual dent. In brackets:
+how deep the arms read in the dents that were missed (least and most).
 """
 
 from __future__ import annotations
@@ -100,8 +101,13 @@ def drawn(kind: Kind, diameter: float, rng: np.random.Generator) -> pd.DataFrame
     return pd.DataFrame({**table, "depth": np.maximum(np.minimum(depth, 0.25 * np.minimum(length, width)), 0.01 * diameter)})
 
 
-def passage(dents: pd.DataFrame, shape: Shape, pipe: tuple[float, float, int], seed: int) -> tuple[RawRun, xr.Dataset]:
-    """A raw run over an oval pipe with a weld per joint: the tool wanders and rolls, arms have noise and drop out."""
+def passage(
+    dents: pd.DataFrame, shape: Shape, pipe: tuple[float, float, int], seed: int
+) -> tuple[RawRun, xr.Dataset, np.ndarray]:
+    """A raw run over an oval pipe with a weld per joint: the tool wanders and rolls, arms have noise and drop out.
+
+    Returned with its trajectory, and with the depth (m) of each dent where the luckiest arm crossed it.
+    """
     diameter, wall, count = pipe
     rng = np.random.default_rng(seed)
     tool = ToolOptions(arms=count, ring_offset_m=(0.0,), speed_m_per_s=SPEED)
@@ -114,14 +120,16 @@ def passage(dents: pd.DataFrame, shape: Shape, pipe: tuple[float, float, int], s
         2e-3 * np.sin(place / s + rng.uniform(0, 6))[:, None] + 1e-4 * rng.normal(size=(time.size, 1)) for s in (3.1, 4.3)
     )
     oval = 0.25 * 0.003 * diameter
-    found = radius.copy()
+    found, crossed = radius.copy(), np.zeros(len(dents))
     for _ in range(4):  # where the ray from the tool's axis meets the wall
         clock = np.arctan2(right + found * np.sin(ray), up + found * np.cos(ray))
         rho = radius + oval * np.cos(2 * clock - 0.1 * place[:, None])
-        for d in dents.itertuples():
+        for k, d in enumerate(dents.itertuples()):
             rows = np.abs(place - d.place) < 2.5 * d.length
             x, y = 2 * (place[rows, None] - d.place) / d.length, wrap(clock[rows] - d.clock) * diameter / d.width
-            rho[rows] -= d.depth * shape(x, y)
+            inward = d.depth * shape(x, y)
+            rho[rows] -= inward
+            crossed[k] = inward.max()
         along = right * np.sin(ray) + up * np.cos(ray)
         found = np.sqrt(rho**2 - (right**2 + up**2 - along**2)) - along
     found += rng.normal(0.0, tool.arm_noise_m, found.shape)
@@ -129,7 +137,7 @@ def passage(dents: pd.DataFrame, shape: Shape, pipe: tuple[float, float, int], s
     packed[rng.random(found.shape) < 0.001] = FILL
     route = RouteOptions(outside_diameter_m=diameter, wall_m=wall, joint_m=SPACING)
     raw = RawRun(header(route, tool), still(), xr.Dataset(), arms_of(time, packed[:, None], tool))
-    return raw, even_trajectory(time[-1], SPEED, turn)
+    return raw, even_trajectory(time[-1], SPEED, turn), crossed
 
 
 def peak(shape: Shape) -> float:
@@ -139,34 +147,36 @@ def peak(shape: Shape) -> float:
 
 
 def errors(kind: Kind, pipe: tuple[float, float, int], seed: int) -> tuple[pd.DataFrame, int]:
-    """True depth, error and sigma (m) of each dent that was drawn, NaN where it was missed; and how many were invented."""
+    """True depth, what an arm crossed of it, error and sigma (m) of each dent, NaN where it was missed; how many were invented."""
     dents = drawn(kind, pipe[0], np.random.default_rng(seed))
-    found = measure(*passage(dents, kind.shape, pipe, seed)).dents
+    raw, trajectory, crossed = passage(dents, kind.shape, pipe, seed)
+    found = measure(raw, trajectory).dents
     at, clock, depth, sigma = (found[n].values for n in ("chainage", "clock", "depth", "depth_sigma"))
     rows, free = [], np.ones(at.size, bool)
-    for d in dents.itertuples():
+    for d, seen in zip(dents.itertuples(), crossed, strict=True):
         reach = np.abs(at - d.place) < max(NEAR_M, 0.6 * d.length)
         side = np.degrees(np.abs(wrap(np.radians(clock) - d.clock))) < max(NEAR_DEG, np.degrees(1.2 * d.width / pipe[0]))
         near = np.flatnonzero(reach & side)
         free[near] = False
         truth = d.depth * peak(kind.shape)
         best = near[np.argmax(depth[near])] if near.size else None
-        rows.append((truth, np.nan, np.nan) if best is None else (truth, depth[best] - truth, sigma[best]))
-    return pd.DataFrame(rows, columns=["depth", "error", "sigma"]), int(free.sum())
+        rows.append((truth, seen, np.nan, np.nan) if best is None else (truth, seen, depth[best] - truth, sigma[best]))
+    return pd.DataFrame(rows, columns=["depth", "crossed", "error", "sigma"]), int(free.sum())
 
 
 def main() -> None:
     logging.disable(logging.WARNING)
-    numbers = "found invented   bias mm   rms mm  rms %  worst mm  mean sigma  within 1.96  normalised square"
+    numbers = "found (read mm) invented   bias mm   rms mm  rms %  worst mm  mean sigma  within 1.96  normalised square"
     print(f"{'':18s}{'':22s}{numbers}")
     for tool in sys.argv[1:] or TOOLS:
         for seed, (name, kind) in enumerate(KINDS.items()):
             table, invented = errors(kind, TOOLS[tool], seed + 1)
             e, s, part = 1e3 * table.error, 1e3 * table.sigma, table.error / table.depth
             there, z2 = table.error.notna(), (table.error / table.sigma) ** 2
+            missed = "" if there.all() else f"{1e3 * table.crossed[~there].min():.1f}-{1e3 * table.crossed[~there].max():.1f}"
             held = float((z2[there] < 1.96**2).mean())
             print(
-                f"{tool:18s}{name:22s}{there.sum():2d}/{len(table)} {invented:6d} {e.mean():10.2f} {np.sqrt((e**2).mean()):8.2f}"
+                f"{tool:18s}{name:22s}{there.sum():2d}/{len(table)} {missed:10s} {invented:6d} {e.mean():10.2f} {np.sqrt((e**2).mean()):8.2f}"
                 f" {100 * np.sqrt((part**2).mean()):6.1f} {e.abs().max():9.2f} {s.mean():11.2f} {held:12.2f}"
                 f" {z2.mean():12.2f}",
                 flush=True,
