@@ -28,6 +28,7 @@ NEAR_M, NEAR_DEG = 0.3, 20.0  # a dent found within these is the true one
 COUNT = 30  # dents of each kind and tool
 
 Shape = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Pipe = tuple[float, float, int]  # outside diameter, wall (m), arms
 
 
 @dataclass(frozen=True)
@@ -101,9 +102,7 @@ def drawn(kind: Kind, diameter: float, rng: np.random.Generator) -> pd.DataFrame
     return pd.DataFrame({**table, "depth": np.maximum(np.minimum(depth, 0.25 * np.minimum(length, width)), 0.01 * diameter)})
 
 
-def passage(
-    dents: pd.DataFrame, shape: Shape, pipe: tuple[float, float, int], seed: int
-) -> tuple[RawRun, xr.Dataset, np.ndarray]:
+def passage(dents: pd.DataFrame, shape: Shape, pipe: Pipe, seed: int) -> tuple[RawRun, xr.Dataset, np.ndarray]:
     """A raw run over an oval pipe with a weld per joint: the tool wanders and rolls, arms have noise and drop out.
 
     Returned with its trajectory, and with the depth (m) of each dent where the luckiest arm crossed it.
@@ -146,8 +145,8 @@ def peak(shape: Shape) -> float:
     return float(shape(x, y).max())
 
 
-def errors(kind: Kind, pipe: tuple[float, float, int], seed: int) -> tuple[pd.DataFrame, int]:
-    """True depth, what an arm crossed of it, error and sigma (m) of each dent, NaN where it was missed; how many were invented."""
+def errors(kind: Kind, pipe: Pipe, seed: int) -> tuple[pd.DataFrame, int]:
+    """True depth, what an arm crossed of it, error and sigma (m) of each dent, NaN where missed; how many were invented."""
     dents = drawn(kind, pipe[0], np.random.default_rng(seed))
     raw, trajectory, crossed = passage(dents, kind.shape, pipe, seed)
     found = measure(raw, trajectory).dents
@@ -166,8 +165,8 @@ def errors(kind: Kind, pipe: tuple[float, float, int], seed: int) -> tuple[pd.Da
 
 def main() -> None:
     logging.disable(logging.WARNING)
-    numbers = "found (read mm) invented   bias mm   rms mm  rms %  worst mm  mean sigma  within 1.96  normalised square"
-    print(f"{'':18s}{'':22s}{numbers}")
+    heading = "found (read mm) invented   bias mm   rms mm  rms %  worst mm  mean sigma  within 1.96  normalised square"
+    print(f"{'':18s}{'':22s}{heading}")
     for tool in sys.argv[1:] or TOOLS:
         for seed, (name, kind) in enumerate(KINDS.items()):
             table, invented = errors(kind, TOOLS[tool], seed + 1)
@@ -175,12 +174,11 @@ def main() -> None:
             there, z2 = table.error.notna(), (table.error / table.sigma) ** 2
             missed = "" if there.all() else f"{1e3 * table.crossed[~there].min():.1f}-{1e3 * table.crossed[~there].max():.1f}"
             held = float((z2[there] < 1.96**2).mean())
-            print(
-                f"{tool:18s}{name:22s}{there.sum():2d}/{len(table)} {missed:10s} {invented:6d} {e.mean():10.2f} {np.sqrt((e**2).mean()):8.2f}"
-                f" {100 * np.sqrt((part**2).mean()):6.1f} {e.abs().max():9.2f} {s.mean():11.2f} {held:12.2f}"
-                f" {z2.mean():12.2f}",
-                flush=True,
+            numbers = (
+                f"{e.mean():10.2f} {np.sqrt((e**2).mean()):8.2f} {100 * np.sqrt((part**2).mean()):6.1f} {e.abs().max():9.2f}"
             )
+            honest = f"{s.mean():11.2f} {held:12.2f} {z2.mean():12.2f}"
+            print(f"{tool:18s}{name:22s}{there.sum():2d}/{len(table)} {missed:10s} {invented:6d} {sizes} {honest}", flush=True)
 
 
 if __name__ == "__main__":

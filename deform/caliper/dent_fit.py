@@ -48,6 +48,7 @@ _SETTLED = 6  # rounds after which the dent is known well enough to judge the se
 _SMALL = 0.02  # of its sigma: a step below this in all unknowns ends the iteration
 _LARGEST_STEP = np.array([0.5, 0.1, 0.15, 0.35, 0.35, 0.6, 0.6])  # of each unknown in one round; place and clock in sizes
 _GENTLE, _FIRM = 3.0, 6.0  # sigma: from where readings lose weight inside, and have none outside
+_LEAST_CORE = 3  # readings: a sharp dent crossed by a single arm has no more, and its sigmas say so
 _RIM = 1.2  # of the size at a tenth of the depth: what lies inside belongs to the dent
 # Arm spacing over width from which on the posterior is looked at as a whole. Half a spacing beside the apex a bell then still has
 # 10^-0.22^2 = 0.89 of its depth; below it the depth depends little on the width, and the least-squares covariance is used.
@@ -209,7 +210,7 @@ class _Problem:
         departure = np.where(np.isfinite(self.sigma), undamaged - np.nan_to_num(radius), np.nan)
         u = inward(state.dent, samples.place[:, None], clock)
         core = np.isfinite(departure) & (u > 0.1 * np.exp(state.dent[DEPTH]))
-        if core.sum() < 6:
+        if core.sum() < _LEAST_CORE:
             return None
         off = ((departure - u) / self.sigma)[core]
         misfit = float(np.sqrt(np.mean(np.minimum(off**2, 100.0))))
