@@ -163,22 +163,24 @@ def errors(kind: Kind, pipe: Pipe, seed: int) -> tuple[pd.DataFrame, int]:
     return pd.DataFrame(rows, columns=["depth", "crossed", "error", "sigma"]), int(free.sum())
 
 
+def row(table: pd.DataFrame, invented: int) -> str:
+    """One line of the printed table (mm)."""
+    there = table.error.notna()
+    e, s, part = 1e3 * table.error, 1e3 * table.sigma, table.error / table.depth
+    z2, lost = (e / s)[there] ** 2, 1e3 * table.crossed[~there]
+    missed = f"({lost.min():.1f}-{lost.max():.1f})" if lost.size else ""
+    rms, rms_part = np.sqrt((e**2).mean()), 100 * np.sqrt((part**2).mean())
+    sizes = f"{e.mean():8.2f} {rms:7.2f} {rms_part:6.1f} {e.abs().max():9.2f} {s.mean():11.2f}"
+    return f"{there.sum():2d}/{len(table)} {missed:10s} {invented:8d} {sizes} {(z2 < 1.96**2).mean():12.2f} {z2.mean():18.2f}"
+
+
 def main() -> None:
     logging.disable(logging.WARNING)
-    heading = "found (read mm) invented   bias mm   rms mm  rms %  worst mm  mean sigma  within 1.96  normalised square"
-    print(f"{'':18s}{'':22s}{heading}")
+    heading = "found (read mm)  invented  bias mm  rms mm  rms %  worst mm  mean sigma  within 1.96  normalised square"
+    print(f"{'':40s}{heading}")
     for tool in sys.argv[1:] or TOOLS:
         for seed, (name, kind) in enumerate(KINDS.items()):
-            table, invented = errors(kind, TOOLS[tool], seed + 1)
-            e, s, part = 1e3 * table.error, 1e3 * table.sigma, table.error / table.depth
-            there, z2 = table.error.notna(), (table.error / table.sigma) ** 2
-            missed = "" if there.all() else f"{1e3 * table.crossed[~there].min():.1f}-{1e3 * table.crossed[~there].max():.1f}"
-            held = float((z2[there] < 1.96**2).mean())
-            numbers = (
-                f"{e.mean():10.2f} {np.sqrt((e**2).mean()):8.2f} {100 * np.sqrt((part**2).mean()):6.1f} {e.abs().max():9.2f}"
-            )
-            honest = f"{s.mean():11.2f} {held:12.2f} {z2.mean():12.2f}"
-            print(f"{tool:18s}{name:22s}{there.sum():2d}/{len(table)} {missed:10s} {invented:6d} {sizes} {honest}", flush=True)
+            print(f"{tool:18s}{name:22s}{row(*errors(kind, TOOLS[tool], seed + 1))}", flush=True)
 
 
 if __name__ == "__main__":
