@@ -25,7 +25,7 @@ from deform.synthetic import arms
 
 LN10, SPACING, SPEED = np.log(10.0), 12.0, 1.2  # dents and welds stand so many metres apart; m/s
 NEAR_M, NEAR_DEG = 0.3, 20.0  # a dent found within these is the true one
-COUNT = 30  # dents of each kind and tool
+COUNT = 10  # dents of each kind and tool
 
 Shape = Callable[[np.ndarray, np.ndarray], np.ndarray]
 Pipe = tuple[float, float, int]  # outside diameter, wall (m), arms
@@ -171,7 +171,7 @@ def row(table: pd.DataFrame, invented: int) -> str:
     missed = f"({lost.min():.1f}-{lost.max():.1f})" if lost.size else ""
     rms, rms_part = np.sqrt((e**2).mean()), 100 * np.sqrt((part**2).mean())
     sizes = f"{e.mean():8.2f} {rms:7.2f} {rms_part:6.1f} {e.abs().max():9.2f} {s.mean():11.2f}"
-    return f"{there.sum():2d}/{len(table)} {missed:10s} {invented:8d} {sizes} {(z2 < 1.96**2).mean():12.2f} {z2.mean():18.2f}"
+    return f"{there.sum():3d}/{len(table):<3d} {missed:10s} {invented:8d} {sizes} {(z2 < 1.96**2).mean():12.2f} {z2.mean():18.2f}"
 
 
 def main() -> None:
@@ -179,8 +179,12 @@ def main() -> None:
     heading = "found (read mm)  invented  bias mm  rms mm  rms %  worst mm  mean sigma  within 1.96  normalised square"
     print(f"{'':40s}{heading}")
     for tool in sys.argv[1:] or TOOLS:
+        found = []
         for seed, (name, kind) in enumerate(KINDS.items()):
-            print(f"{tool:18s}{name:22s}{row(*errors(kind, TOOLS[tool], seed + 1))}", flush=True)
+            found.append(errors(kind, TOOLS[tool], seed + 1))
+            print(f"{tool:18s}{name:22s}{row(*found[-1])}", flush=True)
+        whole = row(pd.concat([table for table, _ in found]), sum(invented for _, invented in found))
+        print(f"{tool:18s}{'all':22s}{whole}", flush=True)
 
 
 if __name__ == "__main__":
