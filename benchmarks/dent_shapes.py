@@ -25,7 +25,7 @@ from deform.synthetic import arms
 
 LN10, SPACING, SPEED = np.log(10.0), 12.0, 1.2  # dents and welds stand so many metres apart; m/s
 NEAR_M, NEAR_DEG = 0.3, 20.0  # a dent found within these is the true one
-COUNT = 10  # dents of each kind and tool
+COUNT = 6  # dents of each kind and tool
 
 Shape = Callable[[np.ndarray, np.ndarray], np.ndarray]
 Pipe = tuple[float, float, int]  # outside diameter, wall (m), arms
