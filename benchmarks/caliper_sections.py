@@ -16,7 +16,7 @@ from numba import njit
 from deform.geometry._kernels_circle import BLOCK, section_sums
 from deform.geometry.circle import adjust_ellipse, fit_ellipse_direct
 
-SECTIONS, ARMS, TURNS, SOME = 1_000_000, 40, 7, 300
+SECTIONS, ARMS, TURNS, SOME = 1_000_000, 40, 5, 300
 
 
 def points(n: int, arms: int = ARMS) -> tuple[np.ndarray, np.ndarray]:
