@@ -68,15 +68,15 @@ def caliper_line(
     time, packed = (np.concatenate([block[k] for block in scanned]) for k in range(2))
     events, *_ = arms.detect_welds(passage.motion, passage.tool, seed, "r")
     heard = build.dataset("weld_events", {"time": events.time_s, "amplitude": events.amplitude})
-    unit = _listening(passage, seed) if listening else _still()
-    raw = RawRun(_header(options, passage), unit, xr.Dataset(), _arms(time, packed, passage.tool), heard)
+    unit = _listening(passage, seed) if listening else still()
+    raw = RawRun(header(options.route, passage.tool, direction), unit, xr.Dataset(), arms_of(time, packed, passage.tool), heard)
     return CaliperLine(raw, _trajectory(passage), truth.joints_table(passage.line), dents, passage)
 
 
-def _header(options: SimulateOptions, passage: simulate.Passage) -> RunHeader:
-    route, tool = options.route, passage.tool
+def header(route: RouteOptions, tool: ToolOptions, direction: str = "downstream") -> RunHeader:
+    """Return the header of a passage of a tool."""
     content = {
-        "run": {"id": "r", "line": "caliper", "date": "2020-01-01", "direction": passage.run.direction},
+        "run": {"id": "r", "line": "caliper", "date": "2020-01-01", "direction": direction},
         "pipe": {
             "outside_diameter_m": route.outside_diameter_m,
             "nominal_wall_m": route.wall_m,
@@ -90,7 +90,8 @@ def _header(options: SimulateOptions, passage: simulate.Passage) -> RunHeader:
     return TypeAdapter(RunHeader).validate_python(content)
 
 
-def _arms(time: np.ndarray, packed: np.ndarray, tool: ToolOptions) -> xr.Dataset:
+def arms_of(time: np.ndarray, packed: np.ndarray, tool: ToolOptions) -> xr.Dataset:
+    """Return packed ranges (n, ring, arm) as a raw run holds them."""
     attrs = {"scale_factor": arms.PACKING_M, "add_offset": 0.0, "_FillValue": FILL}
     dims = ("scan", "ring", "arm") if packed.shape[1] > 1 else ("scan", "arm")
     radius = packed if packed.shape[1] > 1 else packed[:, 0]
@@ -98,9 +99,19 @@ def _arms(time: np.ndarray, packed: np.ndarray, tool: ToolOptions) -> xr.Dataset
     return xr.Dataset({"time": ("scan", time), "radius": (dims, radius, attrs), "arm_angle": ("arm", angle)})
 
 
-def _still() -> xr.Dataset:
+def still() -> xr.Dataset:
+    """Return an inertial unit that is too short to be listened to."""
     count = np.zeros((10, 3), np.int32)
     return xr.Dataset({"time": ("sample", np.arange(10) * 0.01), "accel_count": (("sample", "axis"), count)})
+
+
+def even_trajectory(seconds: float, speed: float, roll_deg_per_s: float) -> xr.Dataset:
+    """Return an even passage of a straight level pipe as navigation would give it, at 20 Hz."""
+    time = np.arange(0.0, seconds, 0.05)
+    zero = np.zeros_like(time)
+    names = ("latitude", "longitude", "height", "east_sigma", "north_sigma", "up_sigma", "azimuth", "pitch")
+    values = {"time": time, "chainage": speed * time, "log_distance": speed * time, "speed": zero + speed}
+    return build.dataset("trajectory", {**dict.fromkeys(names, zero), **values, "roll": roll_deg_per_s * time})
 
 
 def _listening(passage: simulate.Passage, seed: int) -> xr.Dataset:

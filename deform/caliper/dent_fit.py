@@ -48,6 +48,8 @@ _SETTLED = 6  # rounds after which the dent is known well enough to judge the se
 _SMALL = 0.02  # of its sigma: a step below this in all unknowns ends the iteration
 _LARGEST_STEP = np.array([0.5, 0.1, 0.15, 0.35, 0.35, 0.6, 0.6])  # of each unknown in one round; place and clock in sizes
 _GENTLE, _FIRM = 3.0, 6.0  # sigma: from where readings lose weight inside, and have none outside
+_LEAST_SOUND = 6  # scans beside the dent that can tell the section
+_LEAST_CORE = 3  # readings: a sharp dent crossed by a single arm has no more, and its sigmas say so
 _RIM = 1.2  # of the size at a tenth of the depth: what lies inside belongs to the dent
 # Arm spacing over width from which on the posterior is looked at as a whole. Half a spacing beside the apex a bell then still has
 # 10^-0.22^2 = 0.89 of its depth; below it the depth depends little on the width, and the least-squares covariance is used.
@@ -90,6 +92,7 @@ class _Problem:
     model: SectionModel
     outer_radius: float
     spacing: float  # rad
+    extent: float  # m, of the candidate
 
     @classmethod
     def of(cls, samples: DentSamples, start: tuple[float, float, float], sigma: float, outer_radius: float, length: float):
@@ -109,7 +112,7 @@ class _Problem:
         if begun is None:
             return None
         state, model = begun
-        return cls(samples, spread, step, state, model, outer_radius, spacing)
+        return cls(samples, spread, step, state, model, outer_radius, spacing, length)
 
     def solve(self) -> DentFit | None:
         for turn in range(_ROUNDS):
@@ -135,6 +138,8 @@ class _Problem:
         hole = (state.dent[PLACE] - half, state.dent[PLACE] + half)
         outside = (samples.place < hole[0]) | (samples.place > hole[1])
         root = self._root(self._left(radius, clock), clock, _SETTLED) * outside[:, None]
+        if root.any(axis=1).sum() < _LEAST_SOUND:  # the dent fills its window: what was chosen at first sight stays
+            return
         rough = roughness(samples.place, clock, np.nan_to_num(radius), root, hole, self.step)
         self.model, before = SectionModel.build(samples.place, hole, self.step, rough), self.model
         fitted = before.hats @ state.section.reshape(3, -1).T
@@ -209,7 +214,7 @@ class _Problem:
         departure = np.where(np.isfinite(self.sigma), undamaged - np.nan_to_num(radius), np.nan)
         u = inward(state.dent, samples.place[:, None], clock)
         core = np.isfinite(departure) & (u > 0.1 * np.exp(state.dent[DEPTH]))
-        if core.sum() < 6:
+        if core.sum() < _LEAST_CORE:
             return None
         off = ((departure - u) / self.sigma)[core]
         misfit = float(np.sqrt(np.mean(np.minimum(off**2, 100.0))))
@@ -234,7 +239,7 @@ class _Problem:
             more *= np.array([depth, 1.0, width * self.outer_radius]) ** 2
             fit = posterior(fit, samples.place, clock, departure, self.sigma, PRIOR, more)
         excess = departure - fit.at(samples.place[:, None], clock)
-        fit = corrected(fit, samples.place, clock, excess, self.sigma)
+        fit = corrected(fit, samples.place, clock, excess, self.sigma, self.extent)
         floor = 0.1 * float(np.min(self.sigma) * np.sqrt(samples.count.max()))
         return replace(fit, depth_sigma=float(np.sqrt(fit.depth_sigma**2 + floor**2 + self.model.under**2)))
 
@@ -244,7 +249,7 @@ def _begin(samples, spread, step, start: tuple[float, float, float], length: flo
     radius, clocks = samples.centred(samples.right, samples.up)
     hole = (start[0] - 0.5 * length - 0.05, start[0] + 0.5 * length + 0.05)
     inside = (samples.place > hole[0]) & (samples.place < hole[1])
-    if (~inside).sum() < 6:
+    if (~inside).sum() < _LEAST_SOUND:
         return None
     root = np.where(inside[:, None] & (np.abs(wrap(clocks - start[1])) < 1.2), 0.0, 1.0 / spread)
     rough = roughness(samples.place, clocks, np.nan_to_num(radius), root * ~inside[:, None], hole, step)

@@ -115,6 +115,8 @@ def roughness(
     project = Projector(clock, root)
     target = project(radius).ravel()
     best = (-np.inf, _ROUGH_M[1])
+    if not root.any():  # no sound reading: nothing speaks for or against
+        return best[1]
     for rough in _ROUGH_M:
         model = SectionModel.build(place, hole, step, rough)
         design = project(model.design(clock)).reshape(target.size, -1)

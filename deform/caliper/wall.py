@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from mmap import mmap
 
 import numpy as np
 import xarray as xr
@@ -113,10 +114,16 @@ class WallMap:
             low = k * _CHUNK
             chunk = self._settled[k]
             if chunk is None:
-                chunk = np.full((min(_CHUNK, self.rows - low), self.bins), np.nan, np.float32)
-                self._settled[k] = chunk
+                chunk = self._settled[k] = _room(min(_CHUNK, self.rows - low), self.bins)
             a, b = max(first, low), min(first + len(mean), low + len(chunk))
             chunk[a - low : b - low] = mean[a - first : b - first]
+
+
+def _room(rows: int, bins: int) -> np.ndarray:
+    """NaN (rows, bins) in pages of their own, which go back to the system when they are let go; the heap would keep them."""
+    room = np.frombuffer(mmap(-1, 4 * rows * bins), np.float32).reshape(rows, bins)
+    room[:] = np.nan
+    return room
 
 
 def detail_maps(

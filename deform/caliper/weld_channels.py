@@ -14,6 +14,7 @@ from deform.caliper.weld_hits import hit_centre, hit_score
 from deform.caliper.weld_shape import BEAD_HALF_M, FLANK_M, LEAST_ARM_SCORE, bead_centre, edge, is_narrow
 from deform.run.raw import RawRun
 
+DETECTOR = "detector"
 HEARD = 100.0  # score of a detector that fired; it has no other
 _LEAST_STEP_SCORE = 8.0  # sigma; the wall also waves by itself over such lengths
 _LEAST_HIT_SCORE = 5.0  # sigma of the accelerometers' own noise over the same seconds
@@ -86,7 +87,7 @@ def detector_channel(raw: RawRun, trajectory: xr.Dataset) -> Channel | None:
     chainage = trajectory["chainage"].values
     place = np.sort(np.interp(time, trajectory["time"].values, chainage))
     heard = np.full(place.size, HEARD)
-    return Channel("detector", place, heard, 0.0 * heard, place, heard, np.array([[chainage.min(), chainage.max()]]))
+    return Channel(DETECTOR, place, heard, 0.0 * heard, place, heard, np.array([[chainage.min(), chainage.max()]]))
 
 
 def arms_channel(reader: ScanReader, log: ScanLog) -> Channel | None:

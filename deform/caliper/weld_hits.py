@@ -73,6 +73,7 @@ def _white(values: np.ndarray, interval: float, moving: np.ndarray) -> np.ndarra
     inverse = np.linalg.inv(toeplitz(covariance))
     filter_taps = inverse[SIDES] / inverse[SIDES, SIDES]
     error = np.convolve(values - np.median(values[moving]), filter_taps, mode="same")
+    error[:SIDES] = error[-SIDES:] = 0.0  # the ends have neighbours on one side only, and would be taken for hits
     return error / _local_noise(np.abs(error), interval, moving)
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from deform.geometry._kernels_solve import backward, biweights, cholesky, forward
+from deform.geometry._kernels_solve import TINY, backward, biweights, cholesky, forward
 
 BLOCK = 256  # sections that share scratch
 _STEP, _STEP_ROBUST = 1e-3, 1e-2  # sigma: a step below this ends the iteration; the next one would be a hundredth of it
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
+# of the 14 sums in the lower triangle of the normal matrix of (x^2, xz, z^2, x, z), and in its right side
+_PLACES = np.array([0, 1, 2, 2, 3, 4, 5, 6, 7, 9, 6, 7, 8, 10, 11, 9, 10, 11, 12, 13])
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
@@ -17,18 +19,13 @@ def fit_directly(x, z, scale, values):
     """Direct fit of each section: values (n, 5) = right, up, semi-axes (m), orientation (rad); NaN where it fails."""
     n, arms = x.shape
     for block in prange((n + BLOCK - 1) // BLOCK):
-        work = np.empty((5, arms))
-        normal, vectors = np.empty((5, 5)), np.empty((5, 16))
-        for i in range(block * BLOCK, min(n, (block + 1) * BLOCK)):
-            px, pz, count = x[i], z[i], arms
-            if not _complete(px, pz):
-                count = _gather(px, pz, work)
-                px, pz = work[0], work[1]
-            if _direct(px, pz, count, scale, normal, vectors):
-                _axes(vectors[0], values[i])
-            else:
-                for k in range(5):
-                    values[i, k] = np.nan
+        first, last = block * BLOCK, min(n, (block + 1) * BLOCK)
+        work, sums, conics, vector = np.empty((2, arms)), np.empty((BLOCK, 14)), np.empty((5, BLOCK)), np.empty(5)
+        _conics(x[first:last], z[first:last], scale, work, sums, conics)
+        for i in range(first, last):
+            for k in range(5):
+                vector[k] = conics[k, i - first]
+            _axes(vector, values[i])
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
@@ -41,14 +38,18 @@ def adjust_sections(x, z, sigma, tangential, robust, circle, rounds, scale, valu
     """
     n, arms = x.shape
     for block in prange((n + BLOCK - 1) // BLOCK):
-        work = np.empty((5, arms))
-        normal, vectors, turned = np.empty((5, 5)), np.empty((5, 16)), np.empty((5, 5))
-        for i in range(block * BLOCK, min(n, (block + 1) * BLOCK)):
+        first, last = block * BLOCK, min(n, (block + 1) * BLOCK)
+        work, sums, conics = np.empty((5, arms)), np.empty((BLOCK, 14)), np.empty((5, BLOCK))
+        normal, vectors, turned = np.empty((5, 5)), np.empty((4, 5)), np.empty((5, 5))
+        _conics(x[first:last], z[first:last], scale, work, sums, conics)
+        for i in range(first, last):
             px, pz, count = x[i], z[i], arms
             if not _complete(px, pz):
                 count = _gather(px, pz, work)
                 px, pz = work[0], work[1]
-            good = _direct(px, pz, count, scale, normal, vectors)
+            for k in range(5):
+                vectors[0, k] = conics[k, i - first]
+            good = not np.isnan(vectors[0, 2])
             if good:
                 good, weights[i], variance[i] = _adjust(
                     px, pz, work, count, sigma, tangential, robust, circle, rounds, normal, vectors
@@ -115,36 +116,76 @@ def _conic_sums(x, z, count, scale, sums):
 
 
 @njit(cache=True, error_model="numpy")
-def _direct(x, z, count, scale, normal, vectors):
-    """Solve for the conic A u^2 + B uv + C v^2 + D u + E v = 1 of the first ``count`` points, and turn it into vectors[0].
+def section_sums(x, z, scale, work, sums):
+    """`_conic_sums` of the points that are there; NaN where they are fewer than five."""
+    _conic_sums(x, z, x.size, scale, sums)
+    if np.isnan(sums[9] + sums[11]):
+        count = _gather(x, z, work)
+        _conic_sums(work[0], work[1], count, scale, sums)
+        if count < 5:
+            sums[0] = np.nan
 
-    vectors[0] = cx, cz, m, p, q with m (X^2 + Z^2) + p (Z^2 - X^2) + 2 q X Z = 1 about the centre. False when it is no
-    ellipse or singular.
+
+@njit(cache=True, error_model="numpy")
+def _conics(x, z, scale, work, sums, conics):
+    """Direct fit of the sections of one block: conics (5, ...) = cx, cz, m, p, q, NaN where it is no ellipse or singular.
+
+    The conic A u^2 + B uv + C v^2 + D u + E v = 1 becomes m (X^2 + Z^2) + p (Z^2 - X^2) + 2 q X Z = 1 about its centre.
     """
-    if count < 5:
-        return False
-    out, right, inverse, s = vectors[0], vectors[1], vectors[2], vectors[3]
-    _conic_sums(x, z, count, scale, s)
-    normal[0, 0] = s[0]
-    normal[1, 0], normal[1, 1] = s[1], s[2]
-    normal[2, 0], normal[2, 1], normal[2, 2] = s[2], s[3], s[4]
-    normal[3, 0], normal[3, 1], normal[3, 2], normal[3, 3] = s[5], s[6], s[7], s[9]
-    normal[4, 0], normal[4, 1], normal[4, 2], normal[4, 3], normal[4, 4] = s[6], s[7], s[8], s[10], s[11]
-    right[0], right[1], right[2], right[3], right[4] = s[9], s[10], s[11], s[12], s[13]
-    if not cholesky(normal, inverse, 5):
-        return False
-    forward(normal, inverse, right, 5)
-    backward(normal, inverse, right, 5)
-    a, b, c, d, e = right[0], right[1], right[2], right[3], right[4]
-    determinant = 4.0 * a * c - b * b
-    if not determinant > 0.0:
-        return False
-    over = 1.0 / determinant
-    cu, cv = (b * e - 2.0 * c * d) * over, (b * d - 2.0 * a * e) * over
-    factor = scale * scale / (1.0 + a * cu * cu + b * cu * cv + c * cv * cv)
-    out[0], out[1] = cu / scale, cv / scale
-    out[2], out[3], out[4] = 0.5 * (a + c) * factor, 0.5 * (c - a) * factor, 0.5 * b * factor
-    return out[2] > 0.0
+    size = len(x)
+    for i in range(size):
+        section_sums(x[i], z[i], scale, work, sums[i])
+    solved = np.empty((20, size))
+    for k in range(20):
+        for i in range(size):
+            solved[k, i] = sums[i, _PLACES[k]]
+    _solve_together(solved)
+    for i in range(size):
+        a, b, c, d, e = solved[15, i], solved[16, i], solved[17, i], solved[18, i], solved[19, i]
+        determinant = 4.0 * a * c - b * b
+        over = 1.0 / determinant
+        cu, cv = (b * e - 2.0 * c * d) * over, (b * d - 2.0 * a * e) * over
+        factor = scale * scale / (1.0 + a * cu * cu + b * cu * cv + c * cv * cv)
+        m = 0.5 * (a + c) * factor
+        conics[0, i], conics[1, i] = cu / scale, cv / scale
+        conics[2, i] = m if determinant > 0.0 and m > 0.0 else np.nan
+        conics[3, i], conics[4, i] = 0.5 * (c - a) * factor, 0.5 * b * factor
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _solve_together(rows):
+    """Cholesky solution of 5 by 5 systems, one per column; each step is done for all columns side by side.
+
+    rows (20, n): the lower triangles row by row, then the right sides, which become the solutions; NaN where a matrix is not
+    positive definite.
+    """
+    for i in range(6):  # the right side is a sixth row of the factor
+        for j in range(min(i + 1, 5)):
+            here = rows[i * (i + 1) // 2 + j]
+            for k in range(j):
+                _take_off(here, rows[i * (i + 1) // 2 + k], rows[j * (j + 1) // 2 + k])
+            if i == j:
+                for s in range(here.size):  # the reciprocal of the diagonal is what is needed
+                    here[s] = 1.0 / np.sqrt(here[s]) if here[s] > TINY else np.nan
+            else:
+                _scale_by(here, rows[j * (j + 1) // 2 + j])
+    for i in range(4, -1, -1):
+        here = rows[15 + i]
+        for k in range(i + 1, 5):
+            _take_off(here, rows[k * (k + 1) // 2 + i], rows[15 + k])
+        _scale_by(here, rows[i * (i + 1) // 2 + i])
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _take_off(target, first, second):
+    for s in range(target.size):
+        target[s] -= first[s] * second[s]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _scale_by(target, factor):
+    for s in range(target.size):
+        target[s] *= factor[s]
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FAST)

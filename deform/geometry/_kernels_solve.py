@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 TUKEY = 4.685  # width of the biweight in sigma: 95 % efficient on clean data (Holland and Welsch 1977)
-_TINY = 1e-14
+TINY = 1e-14  # a pivot that is no greater belongs to a singular matrix
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -21,7 +21,7 @@ def cholesky(normal, inverse, size):
             for k in range(j):
                 value -= normal[i, k] * normal[j, k]
             if i == j:
-                if not value > _TINY:
+                if not value > TINY:
                     return False
                 normal[i, i] = np.sqrt(value)
                 inverse[i] = 1.0 / normal[i, i]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deform.errors import Fault, InputError
+from deform.geometry.earth import earth_rate
 from deform.nav import _kernels
 from deform.nav.aiding import TravelAid
 from deform.nav.alignment import Alignment
@@ -19,13 +20,16 @@ LARGEST_TILT_DEG = 3.0
 AXES = ("x (right)", "y (forward)", "z (up)")
 
 
-def check_motion(counts: Counts, profile: Profile, epochs: Epochs, travel: TravelAid, aligned: Alignment) -> None:
+def check_motion(
+    counts: Counts, profile: Profile, epochs: Epochs, travel: TravelAid, aligned: Alignment, latitude_deg: float
+) -> None:
     """Hold gyros against accelerometers, and accelerometers against the odometer, while the tool moves.
 
     Notes
     -----
-    Turned by the gyros, the first vertical must stay where the accelerometers feel it: after a roll or a bend a reversed axis
-    puts it degrees off. And the force along the tool, less that of gravity, must be the change of the odometer's speed.
+    Turned by the gyros, and with the Earth (15 degree an hour at the equator), the first vertical must stay where the
+    accelerometers feel it: after a roll or a bend a reversed axis puts it degrees off. And the force along the tool, less that
+    of gravity, must be the change of the odometer's speed.
 
     Raises
     ------
@@ -36,28 +40,31 @@ def check_motion(counts: Counts, profile: Profile, epochs: Epochs, travel: Trave
     if not moving.size:
         return
     last = min(int(np.searchsorted(epochs.time, epochs.time[moving[0]] + LOOK_S)), len(epochs.table))
-    up = aligned.attitude[2]
-    tilt = gravity_error_deg(epochs.table[:last], up)
+    up, earth = aligned.attitude[2], aligned.attitude.T @ earth_rate(latitude_deg)
+    tilt = gravity_error_deg(epochs.table[:last], up, earth)
     if tilt > LARGEST_TILT_DEG:
-        raise InputError(_reversed_axis(counts, profile, epochs.bounds[: last + 1], up, tilt))
-    slope = speed_slope(epochs.table[:last], travel.speeds[: last + 1], up)
+        raise InputError(_reversed_axis(counts, profile, epochs.bounds[: last + 1], up, earth, tilt))
+    slope = speed_slope(epochs.table[:last], travel.speeds[: last + 1], up, earth)
     if slope is not None and slope < 0.0:
         rule = f"the force along {AXES[1]} falls where the odometer's speed rises (slope {slope:.2f}, it must be near 1)"
         raise InputError(Fault("imu.nc", f"axis {AXES[1]}", rule, "this axis looks reversed: check sensor_to_body"))
 
 
-def gravity_error_deg(table: Floats, up: Floats) -> float:
-    """Return the middle angle (degree) between the first vertical, turned by the gyros, and the force of each epoch."""
-    vertical = _turned(table, up)
+def gravity_error_deg(table: Floats, up: Floats, earth: Floats) -> float:
+    """Return the middle angle (degree) between the vertical as the gyros lead it on and the force of each epoch.
+
+    Vertical and rate of the Earth (rad/s) are those of the beginning, in body axes.
+    """
+    vertical = _turned(table, up, earth)
     force = table[:, _kernels.VELOCITY : _kernels.VELOCITY + 3]
     size = np.linalg.norm(force, axis=1)
     cosine = np.sum(vertical * force, axis=1)[size > 0] / size[size > 0]
     return float(np.degrees(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))) if cosine.size else 0.0
 
 
-def speed_slope(table: Floats, speeds: Floats, up: Floats) -> float | None:
+def speed_slope(table: Floats, speeds: Floats, up: Floats, earth: Floats) -> float | None:
     """Return the slope of force along the tool, free of gravity, over change of speed; None when that changes too little."""
-    vertical = _turned(table, up)
+    vertical = _turned(table, up, earth)
     change = np.diff(speeds)
     force = table[:, _kernels.VELOCITY : _kernels.VELOCITY + 3]
     along = force[:, 1] - 9.81 * table[:, _kernels.DURATION] * vertical[:, 1]
@@ -69,17 +76,17 @@ def speed_slope(table: Floats, speeds: Floats, up: Floats) -> float | None:
     return slope if abs(slope) > 0.4 else None
 
 
-def _turned(table: Floats, up: Floats) -> Floats:
-    """The first vertical in the body axes of the beginning of each epoch."""
+def _turned(table: Floats, up: Floats, earth: Floats) -> Floats:
+    """The vertical in the body axes of the beginning of each epoch: turned by the gyros, and with the Earth."""
     out = np.empty((len(table), 3))
-    vector = np.asarray(up, float)
-    for k, turn in enumerate(table[:, :9].reshape(-1, 3, 3)):
+    vector, rate = np.asarray(up, float), np.asarray(earth, float)
+    for k, (turn, duration) in enumerate(zip(table[:, :9].reshape(-1, 3, 3), table[:, _kernels.DURATION], strict=True)):
         out[k] = vector
-        vector = turn.T @ vector
+        vector, rate = turn.T @ (vector + duration * np.cross(rate, vector)), turn.T @ rate
     return out
 
 
-def _reversed_axis(counts: Counts, profile: Profile, bounds: NDArray, up: Floats, tilt: float) -> Fault:
+def _reversed_axis(counts: Counts, profile: Profile, bounds: NDArray, up: Floats, earth: Floats, tilt: float) -> Fault:
     """Try each gyro axis, and each accelerometer axis, the other way round."""
     said = f"gyros and accelerometers disagree on the vertical by {tilt:.1f} degree in motion"
     found: list[tuple[float, str, str]] = []
@@ -92,7 +99,7 @@ def _reversed_axis(counts: Counts, profile: Profile, bounds: NDArray, up: Floats
             table[rows + axis] *= -1.0
             first = up * np.where(np.arange(3) == axis, -1.0, 1.0) if triad == "accelerometer" else up
             turned = preintegrate(_with_table(counts, table), profile, bounds)
-            found.append((gravity_error_deg(turned.table, first), f"{triad} axis {AXES[axis]}", field))
+            found.append((gravity_error_deg(turned.table, first, earth), f"{triad} axis {AXES[axis]}", field))
     best = min(found)
     if best[0] < 0.3 * tilt:
         return Fault("imu.nc", f"{best[2]}, {best[1]}", f"{said}; {best[1]} looks reversed", "check sensor_to_body")

@@ -203,3 +203,16 @@ def test_rings_and_their_places_must_agree():
     header = {**HEADER["caliper"], "ring_offset_m": [-0.6, 0.6]}
     with pytest.raises(InputError, match="1 rings in the file, 2 values"):
         measure(raw_run(caliper=header), trajectory())
+
+
+def test_a_sharp_dent_that_one_arm_crosses_in_five_scans_is_measured():
+    time, angle, radius = readings()
+    place, clock = SPEED * time[:, None] - 0.6, angle + np.radians(3.0 * time[:, None])
+    around = (clock - np.radians(135.0) + np.pi) % (2 * np.pi) - np.pi
+    depth = 0.006 * np.exp(-np.log(10) * (np.abs((place - 29.4) / 0.035) ** 1.5 + np.abs(around / 0.13) ** 1.5))
+    assert (depth > 0.1 * depth.max()).sum() == 5  # so many readings stand in by more than a tenth
+    dents = measure(raw_run(radius=radius - depth), trajectory()).dents
+    assert dents.sizes["dent"] == 1
+    assert float(dents.chainage[0]) == pytest.approx(29.4, abs=0.01)
+    assert abs(float(dents.depth[0]) - 0.006) < 1.96 * float(dents.depth_sigma[0])
+    assert float(dents.depth_sigma[0]) < 0.006
