@@ -26,8 +26,8 @@ LEAST_EPOCHS = 200  # in motion, in a stretch that may teach
 DOUBT = 2.0  # factor on the sigmas of the state at the beginning of a stretch
 OUTLIER = 4.5  # sigma beyond which a displacement teaches nothing
 ROUNDS, ITERATIONS, MOST_STEP = 6, 12, 2.5  # a round lets a logarithm go so far
-# Noise of the velocity within an epoch moves the tool as well, and the filter lets it begin at the epoch's end. A noise of the
-# displacement below this part of the usual one would only stand for that: what is learned from it is not believed.
+# Noise of the velocity within an epoch moves the tool as well, and the filter lets it begin at the epoch's end; errors of a wheel
+# last longer than an epoch. A noise of the displacement below this part of the usual one would stand for these only.
 LEAST_PART = math.exp(-2.5)
 
 # What is expected of a tool: spreads of logarithms of powers and variances before the data have spoken
