@@ -29,6 +29,7 @@ from deform.nav.strapdown import Counts, Epochs, epoch_bounds, preintegrate
 from deform.options import NavigationOptions
 from deform.run import build
 from deform.run.raw import RawRun
+from deform.run.stamps import usual_step
 
 Floats = NDArray[np.float64]
 Progress = Callable[[float], None] | None
@@ -124,7 +125,7 @@ def counts_of(raw: RawRun) -> Counts:
         float(imu.attrs["gyro_pulse_rad"]),
         float(imu.attrs["accel_pulse_m_per_s"]),
         compensation_table(raw.header.imu),
-        float(np.median(np.diff(time[:10001]))),
+        usual_step(time),
     )
 
 
