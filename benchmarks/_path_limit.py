@@ -12,7 +12,7 @@ from deform.synthetic.motion import TRAP_M
 from deform.synthetic.simulate import Passage
 
 STEP_M = 75.0
-FREE_RAD, FREE_M = 0.1, 10.0  # sigma of what only the markers tell: first azimuth, mounting; first place
+FREE_RAD, FREE_M = 0.1, 10.0  # sigma of what only the markers tell: first azimuth, first place
 GRAVITY = 9.81
 ROLL = 15  # column of `Motion.states`: roll of the tool
 
@@ -63,7 +63,7 @@ def path_limit(passage: Passage, grade: imu.Grade, markers: np.ndarray, marker_s
     both = np.zeros((2 * n, 2 * n))
     both[:n, :n], both[n:, n:] = along @ azimuth @ along.T, along @ pitch @ along.T
     mounting = np.vstack([aside, rise])
-    both += FREE_RAD**2 * mounting @ mounting.T
+    both += np.radians(tool.mounting_deg) ** 2 * mounting @ mounting.T
     both[:n, :n] += FREE_M**2
     both[n:, n:] += FREE_M**2
     run = places - places[0]

@@ -82,7 +82,7 @@ def navigate(
     across = RIDE_DENSITY if model.index("wobble").stop else WOBBLE_DENSITY
     travel = aid_of(epochs, wheels.profile, across)
     aligned = align(counts, epochs, travel, raw.header)
-    check_motion(counts, wheels.profile, epochs, travel, aligned)
+    check_motion(counts, wheels.profile, epochs, travel, aligned, raw.header.imu)
     tell(0.4)
     sigma = np.nan_to_num(np.column_stack([passages["sigma_horizontal"].values, passages["sigma_vertical"].values]), nan=1.0)
     places = np.column_stack(

@@ -11,21 +11,24 @@ from deform.nav.aiding import TravelAid
 from deform.nav.alignment import Alignment
 from deform.nav.profile import Profile
 from deform.nav.strapdown import Counts, Epochs, preintegrate
+from deform.run.raw import ImuHeader
 
 Floats = NDArray[np.float64]
 
 LOOK_S = 1200.0  # stretch of motion that is looked at
-LARGEST_TILT_DEG = 3.0
+LARGEST_TILT_DEG = 3.0  # of good gyros
+DRIFT_SIGMAS = 3.0  # of the gyros' bias, by which the vertical of coarse ones may drift off besides
 AXES = ("x (right)", "y (forward)", "z (up)")
 
 
-def check_motion(counts: Counts, profile: Profile, epochs: Epochs, travel: TravelAid, aligned: Alignment) -> None:
+def check_motion(counts: Counts, profile: Profile, epochs: Epochs, travel: TravelAid, aligned: Alignment, imu: ImuHeader) -> None:
     """Hold gyros against accelerometers, and accelerometers against the odometer, while the tool moves.
 
     Notes
     -----
     Turned by the gyros, the first vertical must stay where the accelerometers feel it: after a roll or a bend a reversed axis
-    puts it degrees off. And the force along the tool, less that of gravity, must be the change of the odometer's speed.
+    puts it degrees off, beyond what the maker's bias may turn it until the middle of the stretch. And the force along the tool,
+    less that of gravity, must be the change of the odometer's speed.
 
     Raises
     ------
@@ -38,7 +41,8 @@ def check_motion(counts: Counts, profile: Profile, epochs: Epochs, travel: Trave
     last = min(int(np.searchsorted(epochs.time, epochs.time[moving[0]] + LOOK_S)), len(epochs.table))
     up = aligned.attitude[2]
     tilt = gravity_error_deg(epochs.table[:last], up)
-    if tilt > LARGEST_TILT_DEG:
+    drift = imu.gyro_bias_deg_per_h * 0.5 * (epochs.time[last] - epochs.time[0]) / 3600.0
+    if tilt > LARGEST_TILT_DEG + DRIFT_SIGMAS * drift:
         raise InputError(_reversed_axis(counts, profile, epochs.bounds[: last + 1], up, tilt))
     slope = speed_slope(epochs.table[:last], travel.speeds[: last + 1], up)
     if slope is not None and slope < 0.0:
