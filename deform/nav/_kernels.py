@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit, prange
 
 from deform.geometry._kernels import EARTH_RATE, gravity, radii, rotate, turn_left, turn_right
+from deform.run.stamps import MOST_BRIDGED, lost_before
 
 # One row of the table of epochs: integrals over the epoch in the body axes of its beginning, frozen in inertial space.
 TURN = 0  # 9: matrix, body at the end to body at the beginning
@@ -30,9 +31,6 @@ PARAMETERS = 20  # biases of gyros and accelerometers, scales of both, skews of 
 # Rows of the table of compensation K, one sensor axis per column: drift, scale, asymmetry of scale, unbalance about spin and
 # input axis, index of the spin axis of a gyro; bias, scale, asymmetry of an accelerometer; then the matrices of the mounting.
 GYRO_MOUNTING, ACCEL_MOUNTING = 9, 12
-
-LOST = 1.5  # usual steps beyond which a sample is missing
-MOST_BRIDGED = 5  # missing samples over which rate and force are taken to go on; more of them are a gap
 
 
 @njit(cache=True, error_model="numpy")
@@ -86,19 +84,6 @@ def two_sample(g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2):
     d2 = a2 + h0 * a1 - h1 * a0 + (b0 * g1 - b1 * g0) / 12.0
     ga, gg = (g0 * a0 + g1 * a1 + g2 * a2) / 6.0, (g0 * g0 + g1 * g1 + g2 * g2) / 6.0
     return r0, r1, r2, d0 + g0 * ga - a0 * gg, d1 + g1 * ga - a1 * gg, d2 + g2 * ga - a2 * gg
-
-
-@njit(cache=True, error_model="numpy")
-def lost_before(time, i, usual):
-    """Number of samples that are missing before sample i: its step is too long, and neither neighbour's is short for it."""
-    dt = time[i] - time[i - 1]
-    if dt <= LOST * usual:
-        return 0
-    if i + 1 < time.size and time[i + 1] - time[i - 1] <= (LOST + 1.0) * usual:
-        return 0
-    if i > 1 and time[i] - time[i - 2] <= (LOST + 1.0) * usual:
-        return 0
-    return max(round(dt / usual) - 1, 1)
 
 
 @njit(cache=True, error_model="numpy")

@@ -11,7 +11,6 @@ from deform.geometry._kernels import rotate, turn_left, turn_right
 from deform.nav._kernels import (
     COLUMNS,
     DURATION,
-    MOST_BRIDGED,
     PARAMETERS,
     POSITION,
     SENSE,
@@ -21,11 +20,11 @@ from deform.nav._kernels import (
     bridged,
     correct_row,
     increments,
-    lost_before,
     place_difference,
     shift_place,
     two_sample,
 )
+from deform.run.stamps import MOST_BRIDGED, lost_before
 
 
 @njit(cache=True, error_model="numpy", parallel=True)

@@ -9,6 +9,7 @@ from deform.nav import _kernels_arms
 from deform.nav._kernels_state import BANDS
 from deform.nav.strapdown import Epochs
 from deform.run.raw import RawRun
+from deform.run.stamps import usual_step
 
 Floats = NDArray[np.float64]
 SCANS_PER_SECOND = 20.0
@@ -46,7 +47,7 @@ def ring_centres(raw: RawRun) -> tuple[Floats, Floats] | None:
     time = raw.arms["time"].values
     if time.size < 10:
         return None
-    step = max(1, int(1.0 / (SCANS_PER_SECOND * float(np.median(np.diff(time[:1000]))))))
+    step = max(1, int(1.0 / (SCANS_PER_SECOND * usual_step(time))))
     centres = [_centres(raw, ring if "ring" in radius.dims else None, step) for ring in rings]
     slope = (centres[0] - centres[1] if len(centres) > 1 else centres[0]) / base
     return time[::step], slope

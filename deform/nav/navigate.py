@@ -29,6 +29,7 @@ from deform.nav.strapdown import Counts, Epochs, epoch_bounds, preintegrate
 from deform.options import NavigationOptions
 from deform.run import build
 from deform.run.raw import RawRun
+from deform.run.stamps import usual_step
 
 Floats = NDArray[np.float64]
 Progress = Callable[[float], None] | None
@@ -81,7 +82,7 @@ def navigate(
     across = RIDE_DENSITY if model.index("wobble").stop else WOBBLE_DENSITY
     travel = aid_of(epochs, wheels.profile, across)
     aligned = align(counts, epochs, travel, raw.header)
-    check_motion(counts, wheels.profile, epochs, travel, aligned, raw.header.launch.latitude_deg)
+    check_motion(counts, wheels.profile, epochs, travel, aligned, raw.header)
     tell(0.4)
     sigma = np.nan_to_num(np.column_stack([passages["sigma_horizontal"].values, passages["sigma_vertical"].values]), nan=1.0)
     places = np.column_stack(
@@ -124,7 +125,7 @@ def counts_of(raw: RawRun) -> Counts:
         float(imu.attrs["gyro_pulse_rad"]),
         float(imu.attrs["accel_pulse_m_per_s"]),
         compensation_table(raw.header.imu),
-        float(np.median(np.diff(time[:10001]))),
+        usual_step(time),
     )
 
 

@@ -15,6 +15,7 @@ from deform.nav import _kernels_path
 from deform.nav.profile import Profile
 from deform.options import NavigationOptions
 from deform.run.raw import RawRun
+from deform.run.stamps import usual_step
 
 Floats = NDArray[Any]
 _log = logging.getLogger(__name__)
@@ -140,7 +141,7 @@ def combine(raw: RawRun, options: NavigationOptions | None = None) -> OdometerSo
 def start_of_run(raw: RawRun) -> float:
     """Start of the first IMU sample's interval, in seconds on the tool's clock."""
     time = raw.imu["time"].values
-    return float(time[0] - (np.median(np.diff(time[:1001])) if time.size > 1 else 1.0 / raw.header.imu.rate_hz))
+    return float(time[0] - (usual_step(time) if time.size > 1 else 1.0 / raw.header.imu.rate_hz))
 
 
 def _on_knots(raw: RawRun) -> _Knots:
@@ -148,7 +149,7 @@ def _on_knots(raw: RawRun) -> _Knots:
     if time.size < 2:
         raise InputError(Fault(f"{raw.id}/odometer.nc", "time", f"has {time.size} samples; two are needed for a distance"))
     imu_time = raw.imu["time"].values
-    step = max(_LEAST_STEP_S, float(np.median(np.diff(time[:10001]))))
+    step = max(_LEAST_STEP_S, usual_step(time))
     start = start_of_run(raw)
     n = max(int(np.ceil((imu_time[-1] - start) / step)) + 1, 3)
     travel = _kernels_path.counts_on_knots(time, count, float(raw.odometer.attrs["pulse_m"]), start, step, n)

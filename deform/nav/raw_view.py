@@ -14,6 +14,7 @@ from deform.nav.odometer import combine
 from deform.nav.strapdown import epoch_bounds, mechanize, preintegrate
 from deform.options import NavigationOptions
 from deform.run.raw import RawRun
+from deform.run.stamps import usual_step
 
 Floats = NDArray[np.float64]
 AXES = ["right", "forward", "up"]
@@ -31,7 +32,7 @@ def raw_dataset(raw: RawRun, columns: int = 1500) -> xr.Dataset:
     """
     imu, time = raw.imu, raw.imu["time"].values
     first = np.unique(np.linspace(0, time.size - 1, columns + 1).astype(int)[:-1])
-    step = float(np.median(np.diff(time[:10001])))
+    step = usual_step(time)
     values: dict[str, tuple] = {}
     for name, counts, weight in (("gyro_rate", "gyro_count", np.degrees(imu.attrs["gyro_pulse_rad"])),
                                  ("specific_force", "accel_count", imu.attrs["accel_pulse_m_per_s"])):  # fmt: skip

@@ -12,24 +12,27 @@ from deform.nav.aiding import TravelAid
 from deform.nav.alignment import Alignment
 from deform.nav.profile import Profile
 from deform.nav.strapdown import Counts, Epochs, preintegrate
+from deform.run.raw import RunHeader
 
 Floats = NDArray[np.float64]
 
 LOOK_S = 1200.0  # stretch of motion that is looked at
-LARGEST_TILT_DEG = 3.0
+LARGEST_TILT_DEG = 3.0  # of good gyros
+DRIFT_SIGMAS = 3.0  # of the gyros' bias, by which the vertical of coarse ones may drift off besides
 AXES = ("x (right)", "y (forward)", "z (up)")
 
 
 def check_motion(
-    counts: Counts, profile: Profile, epochs: Epochs, travel: TravelAid, aligned: Alignment, latitude_deg: float
+    counts: Counts, profile: Profile, epochs: Epochs, travel: TravelAid, aligned: Alignment, header: RunHeader
 ) -> None:
     """Hold gyros against accelerometers, and accelerometers against the odometer, while the tool moves.
 
     Notes
     -----
     Turned by the gyros, and with the Earth (15 degree an hour at the equator), the first vertical must stay where the
-    accelerometers feel it: after a roll or a bend a reversed axis puts it degrees off. And the force along the tool, less that
-    of gravity, must be the change of the odometer's speed.
+    accelerometers feel it: after a roll or a bend a reversed axis puts it degrees off, beyond what the maker's bias may turn it
+    until the middle of the stretch. And the force along the tool, less that of gravity, must be the change of the odometer's
+    speed.
 
     Raises
     ------
@@ -40,9 +43,10 @@ def check_motion(
     if not moving.size:
         return
     last = min(int(np.searchsorted(epochs.time, epochs.time[moving[0]] + LOOK_S)), len(epochs.table))
-    up, earth = aligned.attitude[2], aligned.attitude.T @ earth_rate(latitude_deg)
+    up, earth = aligned.attitude[2], aligned.attitude.T @ earth_rate(header.launch.latitude_deg)
     tilt = gravity_error_deg(epochs.table[:last], up, earth)
-    if tilt > LARGEST_TILT_DEG:
+    drift = header.imu.gyro_bias_deg_per_h * 0.5 * (epochs.time[last] - epochs.time[0]) / 3600.0
+    if tilt > LARGEST_TILT_DEG + DRIFT_SIGMAS * drift:
         raise InputError(_reversed_axis(counts, profile, epochs.bounds[: last + 1], up, earth, tilt))
     slope = speed_slope(epochs.table[:last], travel.speeds[: last + 1], up, earth)
     if slope is not None and slope < 0.0:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from deform.readers.findings import Findings
+from deform.run import stamps
 
-GAP_IN_STEPS = 3.0
-LOST_IN_STEPS = 1.5
 MOST_SLIPS = 20
 MOST_SLIPS_FRACTION = 1e-3
 _LONGEST_LIST = 3
-_STEPS_LOOKED_AT = 100_000
 
 
 def rising_time(time: np.ndarray, file: str, findings: Findings) -> np.ndarray:
@@ -49,45 +47,36 @@ def rising_time(time: np.ndarray, file: str, findings: Findings) -> np.ndarray:
     return time
 
 
-def usual_step(time: np.ndarray) -> float:
-    """Return the median step of stamps (second); of a long recording that of steps spread over it."""
-    if time.size <= _STEPS_LOOKED_AT:
-        return float(np.median(np.diff(time)))
-    places = np.linspace(0, time.size - 2, _STEPS_LOOKED_AT).astype(np.int64)
-    return float(np.median(time[places + 1] - time[places]))
+def missing_samples(time: np.ndarray, file: str, findings: Findings, *, cumulative: bool = False) -> None:
+    """Record where samples are missing: gaps, and shorter stretches, which the navigation bridges.
 
+    Parameters
+    ----------
+    time : stamps that rise (second), shape (n,).
+    file : name of the file, for the messages.
+    findings : takes the findings.
+    cumulative : the counts go on through a short stretch, of which nothing is then said.
 
-def gaps(time: np.ndarray, file: str, findings: Findings) -> list[tuple[float, float]]:
-    """Return the gaps (start, end in second): steps above three times the usual one; they are recorded and kept."""
-    if time.size < 2:
-        return []
-    usual = usual_step(time)
-    places = np.flatnonzero(np.diff(time) > GAP_IN_STEPS * usual)
-    found = [(float(time[i]), float(time[i + 1])) for i in places]
-    for start, end in found[:_LONGEST_LIST]:
-        findings.repair(file, "time", f"gap of {end - start:.3g} s at t={start:.3f} s (usual step {usual:.4g} s), kept")
-    if len(found) > _LONGEST_LIST:
-        total = sum(end - start for start, end in found)
-        findings.repair(file, "time", f"{len(found) - _LONGEST_LIST} further gaps, {total:.3g} s in all, kept")
-    return found
-
-
-def lost_samples(time: np.ndarray, file: str, findings: Findings) -> None:
-    """Record single samples that are missing: steps of about twice the usual one that no late stamp explains.
-
-    A late stamp is followed, or preceded, by a step that is as much too short.
+    Notes
+    -----
+    The rule is `stamps.lost_before`; up to `stamps.MOST_BRIDGED` missing samples are bridged.
     """
-    if time.size < 4:
+    if time.size < 2:
         return
-    step = np.diff(time)
-    usual = usual_step(time)
-    long = np.flatnonzero((step > LOST_IN_STEPS * usual) & (step <= GAP_IN_STEPS * usual))
-    around = np.minimum(time[np.minimum(long + 2, time.size - 1)] - time[long], time[long + 1] - time[np.maximum(long - 1, 0)])
-    lost = long[around > (LOST_IN_STEPS + 1.0) * usual]
-    if lost.size:
-        findings.repair(
-            file, "time", f"single samples are missing at {lost.size} places, first at t={time[lost[0]]:.3f} s; they are bridged"
-        )
+    at, lost = stamps.losses(time)
+    usual, wide = stamps.usual_step(time), at[lost > stamps.MOST_BRIDGED]
+    for i in wide[:_LONGEST_LIST]:
+        length = f"{time[i] - time[i - 1]:.3g} s at t={time[i - 1]:.3f} s"
+        findings.repair(file, "time", f"gap of {length} (usual step {usual:.4g} s), kept")
+    if wide.size > _LONGEST_LIST:
+        further = wide[_LONGEST_LIST:]
+        total = float(np.sum(time[further] - time[further - 1]))
+        findings.repair(file, "time", f"{further.size} further gaps, {total:.3g} s in all, kept")
+    narrow = lost <= stamps.MOST_BRIDGED
+    if narrow.any() and not cumulative:
+        where = f"at {int(narrow.sum())} places, first " if narrow.sum() > 1 else ""
+        first = f"{where}at t={time[at[narrow][0] - 1]:.3f} s"
+        findings.repair(file, "time", f"samples missing: {int(lost[narrow].sum())} {first}; bridged")
 
 
 def same_span(time: np.ndarray, other: np.ndarray, file: str, other_file: str, findings: Findings) -> None:

@@ -11,6 +11,7 @@ import xarray as xr
 import deform.vocabulary as vocabulary
 from deform.readers import clock, netcdf
 from deform.readers.findings import Findings
+from deform.run import stamps
 from deform.run.raw import RunHeader
 
 FILE = "imu.nc"
@@ -18,7 +19,6 @@ _GRAVITY = 9.81
 _GRAVITY_RANGE = (0.8, 1.25)
 _FASTEST_TURN_DEG_PER_S = 720.0
 _EARTH_RATE_DEG_PER_H = 15.041
-_BLOCK = 1 << 20
 _PIECE = 1 << 15
 _LIMITS = (2**15 - 1, 2**15, 2**23 - 1, 2**23, 2**31 - 1, 2**31)
 _MOST_LOST = 0.01
@@ -81,8 +81,7 @@ def _checked(
     over = _saturation(counts, time, findings)
     if over is not None:
         time, counts = time[~over], {name: count[~over] for name, count in counts.items()}
-    clock.gaps(time, FILE, findings)
-    clock.lost_samples(time, FILE, findings)
+    clock.missing_samples(time, FILE, findings)
     _possible_force(counts["accel_count"], time, attrs["accel_pulse_m_per_s"], findings)
     _possible_rate(counts["gyro_count"], time, attrs["gyro_pulse_rad"], header, findings)
     variables = {n: (v.dims, {"time": time, **counts}[n], v.attrs) for n, v in vocabulary.group("imu").items()}
@@ -91,7 +90,7 @@ def _checked(
 
 def measured_rate(imu: xr.Dataset) -> float:
     """Samples per second (Hz), from the median step."""
-    return 1.0 / clock.usual_step(imu["time"].values)
+    return 1.0 / stamps.usual_step(imu["time"].values)
 
 
 def _lost(part: np.ndarray | None, fill: float | int | None) -> np.ndarray | None:
@@ -174,7 +173,7 @@ def _extremes(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _blocks(count: np.ndarray, time: np.ndarray, pulse: float) -> np.ndarray:
     """Mean vectors over about a second, shape (m, 3), in the unit of the pulse per second; at most some 10 000 of them."""
-    per_block = max(1, round(1.0 / max(float(np.median(np.diff(time[:_BLOCK]))), 1e-6)))
+    per_block = max(1, round(1.0 / max(stamps.usual_step(time), 1e-6)))
     n = time.size // per_block
     if n < 2:
         return (count.sum(axis=0, dtype=float) * pulse / max(time[-1] - time[0], 1e-9))[None]

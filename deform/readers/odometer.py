@@ -9,7 +9,7 @@ import xarray as xr
 
 from deform.readers import clock, netcdf
 from deform.readers.findings import Findings
-from deform.run import build
+from deform.run import build, stamps
 from deform.run.raw import RunHeader
 
 FILE = "odometer.nc"
@@ -48,7 +48,7 @@ def read_odometer(path: Path, header: RunHeader | None, findings: Findings) -> x
     count = _rising_counts(parts["count"], time, fill, findings)
     if len(findings.faults) > known:
         return None
-    clock.gaps(time, FILE, findings)
+    clock.missing_samples(time, FILE, findings, cumulative=True)
     _possible_speed(count, time, pulse, findings)
     return build.dataset("odometer", {"time": time, "count": count}, pulse_m=pulse)
 
@@ -120,7 +120,7 @@ def _possible_speed(count: np.ndarray, time: np.ndarray, pulse: float, findings:
     if time.size < 2:
         findings.fault(FILE, "time", "has one sample only; the recording is empty")
         return
-    usual = clock.usual_step(time)
+    usual = stamps.usual_step(time)
     step = max(1, round(1.0 / max(usual, 1e-9)))
     travel = np.median(np.diff(count[::step], axis=0), axis=1) * pulse if count[::step].shape[0] > 1 else np.zeros(1)
     moving = travel[travel > 0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import xarray as xr
 from pydantic import TypeAdapter
 
 from deform.options import SimulateOptions
@@ -42,17 +43,22 @@ def raw_run(passage: Passage, options: SimulateOptions, errors: imu.Errors | Non
     at, count, _scale, _slips = wheels.roll_wheels(motion, tool, options.seed, run.id)
     odometer = build.dataset("odometer", {"time": at, "count": count}).assign_attrs(pulse_m=tool.wheel_pulse_m)
     events = arms.detect_welds(motion, tool, options.seed, run.id)[0]
-    heard = heard_markers(passage, options)
-    passages = {"name": heard.name, "kind": heard.kind, "time": heard.time_s}
-    passages |= {v: heard[f"{v}_{unit}"] for v, unit in (("latitude", "deg"), ("longitude", "deg"), ("height", "m"))}
-    passages |= {v: heard[f"{v}_m"] for v in ("sigma_horizontal", "sigma_vertical")}
     return RawRun(
         header_of(passage, options),
         inertial,
         odometer,
         weld_events=build.dataset("weld_events", {"time": events.time_s, "amplitude": events.amplitude}),
-        passages=build.dataset("passages", passages),
+        passages=passages_of(passage, options),
     )
+
+
+def passages_of(passage: Passage, options: SimulateOptions) -> xr.Dataset:
+    """Return the markers of a passage as heard and surveyed; another seed of the options draws other errors."""
+    heard = heard_markers(passage, options)
+    values = {"name": heard.name, "kind": heard.kind, "time": heard.time_s}
+    values |= {v: heard[f"{v}_{unit}"] for v, unit in (("latitude", "deg"), ("longitude", "deg"), ("height", "m"))}
+    values |= {v: heard[f"{v}_m"] for v in ("sigma_horizontal", "sigma_vertical")}
+    return build.dataset("passages", values)
 
 
 def header_of(passage: Passage, options: SimulateOptions) -> RunHeader:

@@ -181,7 +181,7 @@ def test_a_sampling_rate_that_the_stamps_deny_is_corrected(raw_run):
 # ---- inertial counts -----------------------------------------------------------------------------------------
 
 
-def test_saturated_counts_leave_a_gap_and_are_recorded(raw_run):
+def test_saturated_counts_are_left_out_and_recorded(raw_run):
     ds = tiny.imu()
     count = ds["gyro_count"].values.copy()
     count[700:705, 1] = 2**15 - 1
@@ -190,7 +190,7 @@ def test_saturated_counts_leave_a_gap_and_are_recorded(raw_run):
         "tiny/imu.nc: gyro_count, axis 1: saturated at 32767 pulses in 5 samples, first at t=14.020 s; these samples are left out"
     )
     assert raw.repairs[0] == told
-    assert "gap of 0.12 s at t=14.000 s" in raw.repairs[1]
+    assert "samples missing: 5 at t=14.000 s; bridged" in raw.repairs[1]
     assert raw.imu.sizes["sample"] == 1995
 
 
@@ -201,7 +201,7 @@ def test_single_samples_that_are_missing_are_recorded_and_a_late_stamp_is_none(r
     time = ds["time"].values.copy()
     time[1600] += 0.012  # stamped late, nothing lost
     raw = read_raw_folder(raw_run(imu=changed(ds, time=time).isel(sample=keep)))
-    assert raw.repairs == ("tiny/imu.nc: time: single samples are missing at 2 places, first at t=18.000 s; they are bridged",)
+    assert raw.repairs == ("tiny/imu.nc: time: samples missing: 2 at 2 places, first at t=18.000 s; bridged",)
 
 
 def test_a_sensor_that_is_saturated_for_long_is_refused(raw_run):
