@@ -41,7 +41,7 @@ class PairChange:
     the pipe serves as datum. candidates : stretches that changed. waves : the amplitudes of each wavelength after the zones
     were taken out. floors : noise floor by quantity and speed class. limit : threshold on twice the log likelihood ratio.
     order : places of the reference and of the run among the runs of the line, the earliest first; dates are not needed for it,
-    and a run may have none.
+    and a run may have none. datum : drift of the two runs on the scan axis ``place``, or None without positions.
     """
 
     run: str
@@ -60,6 +60,8 @@ class PairChange:
     elongation: Elongation | None = None
     step: float = 1.0
     colour: dict[str, float] = field(default_factory=dict)
+    datum: Datum | None = None
+    place: Floats = field(default_factory=lambda: np.empty(0))
 
     @property
     def sign(self) -> float:
@@ -170,6 +172,8 @@ class PairSearch:
             elongation=self.elongation,
             step=self.step,
             colour=dict(zip(("horizontal", "vertical"), self._colour(), strict=True)),
+            datum=self.datum,
+            place=self.place,
         )
 
     def _displacement(self) -> tuple[Floats | None, Floats | None, dict[str, dict[int, float]]]:

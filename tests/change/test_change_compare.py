@@ -123,9 +123,10 @@ def test_limits_of_the_joints_are_those_that_the_search_holds_at_the_rate_that_w
         np.testing.assert_allclose(stated, [s.sigma * s.caution * np.sqrt(s.limit) for s in held])
 
 
-def test_cut_out_is_a_reconfiguration_and_no_movement():
+@pytest.mark.parametrize(("beside", "kind"), [(0.3, "cutout"), (4.0, "reroute")])
+def test_replaced_pipe_is_a_reconfiguration_and_no_movement_and_a_re_route_where_it_left_its_place(beside, kind):
     line = lines.make_line(2000.0, seed=4)
-    after = lines.moved(line, lateral=np.where((line.chainage > 1000) & (line.chainage < 1060), 0.3, 0.0))
+    after = lines.moved(line, lateral=lines.bump(line.chainage, 1030.0, 60.0, beside))
     runs = [lines.make_run(at, f"r{k}", f"201{k}-01-01", seed=60 + k) for k, at in enumerate((line, after))]
     matching = lines.identity_matching(runs)
     edit = {"kind": ["cutout"], "run": ["r1"], "start_m": [1000.0], "end_m": [1060.0], "n_old": [5], "n_new": [5], "reason": [""]}
@@ -135,6 +136,10 @@ def test_cut_out_is_a_reconfiguration_and_no_movement():
     comparison = compare(runs, matching)
     assert list(comparison.zones.kind) == ["reconfiguration"]
     assert comparison.zones.confidence.isna().all()  # the matching states none for an edit
+    assert list(comparison.edits.kind) == [kind]
+    assert comparison.zones.reasons[0].startswith(
+        "Cut-out" if kind == "cutout" else "Re-route before r1: the new pipe lies up to 4.0 m"
+    )
     gone = (comparison.dataset.chainage.values > 1001) & (comparison.dataset.chainage.values < 1059)
     assert np.isnan(comparison.dataset["displacement_up"].values[1, gone]).all()
 
