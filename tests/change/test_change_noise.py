@@ -46,6 +46,21 @@ def test_floor_between_two_speeds_lies_between_their_floors():
     assert np.median(np.abs(got / speed - 1.0)[middle]) < 0.06
 
 
+@pytest.mark.parametrize("power", [-2.0, -1.5, -1.0])
+def test_noise_that_grows_as_the_tool_slows_is_known_on_the_slowest_hundredth_of_the_pipe(power):
+    rng = np.random.default_rng(11)
+    n = 50000
+    speed = 1.3 * np.exp(np.clip(rng.normal(0.0, 0.22, (2, n)), -0.35, 0.35))
+    slow = np.arange(n) < n // 100
+    speed[0, slow] = rng.uniform(0.65, 0.75, slow.sum())
+    true = np.hypot(*(speed**power))
+    values = rng.standard_normal(n) * true
+    steps = speed_step(speed[0], n), speed_step(speed[1], n)
+    got = speed_noise(values, *steps, np.ones(n, bool)).at(*steps)
+    assert np.median((got / true)[slow]) == pytest.approx(1.0, abs=0.15)
+    assert np.median((got / true)[~slow]) == pytest.approx(1.0, abs=0.03)
+
+
 def test_no_pair_of_speeds_is_taken_for_free_of_noise():
     rng = np.random.default_rng(10)
     n = 20000
