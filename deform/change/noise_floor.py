@@ -124,16 +124,16 @@ def _tables(a: Floats, b: Floats, v: Floats) -> tuple[Floats, Floats]:
     """Variance at every speed step of each run, the whole being one."""
     cells, shapes = ([work(part) for part in (a, b)] for work in (_cells_of, _shapes))
     number = cells[0] * (_CELLS + 1) + cells[1]
-    members = [chosen for cell in np.unique(number) if np.isfinite(spread(v[chosen := np.flatnonzero(number == cell)]))]
-    squares = np.maximum([spread(v[chosen]) ** 2 for chosen in members], 1e-12)
-    sizes = np.array([float(chosen.size) for chosen in members])
+    members = [np.flatnonzero(number == cell) for cell in np.unique(number)]
+    squares = np.array([spread(v[chosen]) ** 2 for chosen in members])
+    members = [chosen for chosen, square in zip(members, squares, strict=True) if square > 0]
+    squares, sizes = squares[squares > 0], np.array([float(chosen.size) for chosen in members])
     low, high = _ends(squares, sizes)
     least, most = _LEAST_PART * min(low, 1.0), high / _LEAST_PART
     squares = np.minimum(squares, most)
-    rows = np.array(
-        [np.concatenate([shapes[m][part[chosen]].mean(axis=0) for m, part in enumerate((a, b))]) for chosen in members]
-    )
-    width = rows.shape[1]
+    width = sum(part.shape[1] for part in shapes)
+    means = [shapes[m][part[chosen]].mean(axis=0) for chosen in members for m, part in enumerate((a, b))]
+    rows = np.concatenate([*means, []]).reshape(-1, width)
     lean = _LEAN * np.sqrt(v.size) * np.eye(width)  # what the cells leave open is shared evenly
     even = lean.diagonal() * (1.0 - least) / width
     fitted = squares

@@ -84,6 +84,14 @@ def test_too_little_pipe_gives_no_floor_rather_than_a_wrong_one():
     assert np.isnan(speed_noise(np.ones(5), unknown, unknown, np.ones(5, bool)).at(unknown, unknown)).all()
 
 
+def test_pipe_that_is_too_short_for_cells_of_speed_has_one_floor_at_all_speeds():
+    rng = np.random.default_rng(12)
+    steps = speed_step(np.linspace(0.5, 2.0, 40), 40), speed_step(rng.permutation(np.linspace(0.5, 2.0, 40)), 40)
+    values = rng.standard_normal(40)
+    got = speed_noise(values, *steps, np.ones(40, bool)).at(*steps)
+    assert np.median(got) == pytest.approx(spread(values), rel=0.3)
+
+
 def test_heavy_tails_widen_the_floor_and_a_normal_noise_does_not():
     rng = np.random.default_rng(2)
     assert spread(rng.standard_normal(100000)) == pytest.approx(1.0, abs=0.02)
