@@ -141,7 +141,7 @@ def main() -> None:
     logging.disable(logging.CRITICAL)
     if arguments.kilometres:
         for name, errors in TOOLS.items():
-            for rate in (arguments.rate, 100.0 * arguments.rate, 1000.0 * arguments.rate):
+            for rate in (arguments.rate, 1000.0 * arguments.rate):
                 found, allowed = false_alarms(arguments.kilometres, rate, errors)
                 print(
                     f"{name}: {arguments.kilometres:g} km, rate {rate:g} in 100 km: {found} false alarms, {allowed:g} allowed",

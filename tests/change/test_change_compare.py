@@ -47,6 +47,14 @@ def test_both_movements_are_found_in_the_right_year_and_nothing_else(slide):
     assert "down" in settled.reasons
 
 
+def test_sigma_of_a_zone_does_not_grow_with_the_number_of_runs_that_show_it(slide):
+    _, _, runs, comparison = slide
+    alone = compare([runs[0], runs[2]], lines.identity_matching([runs[0], runs[2]]))
+    inside = np.abs(comparison.dataset.chainage.values - 1700.0) < 40.0
+    both = [c.dataset["displacement_lateral_sigma"].values[-1, inside] for c in (comparison, alone)]
+    assert np.median(both[0] / both[1]) == pytest.approx(1.0, abs=0.4)
+
+
 def test_markers_of_the_runs_do_not_enter_the_displacement_of_stable_pipe(slide):
     _, _, runs, comparison = slide
     raw = runs[2]["centreline"]["height"].values - runs[0]["centreline"]["height"].values
