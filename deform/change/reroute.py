@@ -55,7 +55,7 @@ def told_by_geometry(
             continue
         apart, sigma, place = found
         if apart > max(_IN_PLACE, options.k_sigma * sigma):
-            words = f"the new pipe lies up to {apart:.1f} m (sigma {sigma:.1f} m) beside the old, at {place:.0f} m"
+            words = f"the new pipe lies up to {apart:.2f} m (sigma {sigma:.2f} m) beside the old, at {place:.0f} m"
             edits.loc[row.Index, ["kind", "reason"]] = ["reroute", "; ".join(w for w in (words, str(row.reason)) if w)]
     return edits
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import change_lines as lines
 import numpy as np
 import pandas as pd
@@ -145,9 +147,12 @@ def test_replaced_pipe_is_a_reconfiguration_and_no_movement_and_a_re_route_where
     assert list(comparison.zones.kind) == ["reconfiguration"]
     assert comparison.zones.confidence.isna().all()  # the matching states none for an edit
     assert list(comparison.edits.kind) == [kind]
-    assert comparison.zones.reasons[0].startswith(
-        "Cut-out" if kind == "cutout" else "Re-route before r1: the new pipe lies up to 4.0 m"
-    )
+    assert comparison.zones.reasons[0].startswith("Cut-out" if kind == "cutout" else "Re-route")
+    said = re.search(r"the new pipe lies up to (.+) m \(sigma (.+) m\) beside the old, at (.+) m", comparison.edits.reason[0])
+    assert (said is None) == (kind == "cutout")
+    if said:
+        assert float(said[1]) == pytest.approx(beside, abs=max(0.03, 3.0 * float(said[2])))
+        assert float(said[3]) == pytest.approx(1030.0, abs=5.0)
     gone = (comparison.dataset.chainage.values > 1001) & (comparison.dataset.chainage.values < 1059)
     assert np.isnan(comparison.dataset["displacement_up"].values[1, gone]).all()
 
