@@ -10,8 +10,10 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from deform.change.bridge import Bridges
 from deform.change.datum import Datum
 from deform.change.pair import PairChange
+from deform.change.position_change import finer
 from deform.change.running_mean import running_mean
 from deform.change.stack import POSITION, run_id
 from deform.geometry.earth import enu_difference
@@ -38,9 +40,9 @@ def told_by_geometry(
     Notes
     -----
     The new pipe departs from the old one by the greatest of the distances of its points from the old centreline, the drift of
-    the two runs taken off as it is bridged from the pipe on either side. Its sigma is that of the bridge and of the short noise
-    of the pair. A re-route is called from a metre and ``k_sigma`` sigma on; below, it may be either, and what the joints say
-    stands.
+    the two runs taken off as it is bridged from the pipe on either side. Its sigma is that of the bridge, widened by what bridges
+    over stable pipe miss, and of the short noise of the pair. A re-route is called from a metre and ``k_sigma`` sigma on; below,
+    it may be either, and what the joints say stands.
     """
     if edits is None or "kind" not in edits or not (edits["kind"] == "cutout").any():
         return edits
@@ -48,7 +50,7 @@ def told_by_geometry(
     edits = edits.copy()
     for row in edits[edits["kind"] == "cutout"].itertuples():
         pair = _across(pairs, order.index(str(row.run)))
-        if pair is None or pair.datum is None:
+        if pair is None:
             continue
         found = departure(pair, tree, maps, float(row.start_m), float(row.end_m))
         if found is None:
@@ -81,9 +83,9 @@ def departure(
     Greatest distance, its sigma, and its place on the reference chainage; None where either run has no positions there.
     """
     old, new = (_centreline(runs[name], maps[name], start, end) for name in (pair.reference, pair.run))
-    if old is None or new is None or pair.datum is None:
+    if old is None or new is None or pair.datum is None or pair.bridges is None:
         return None
-    drift, sigma = _bridged(pair.datum, pair.place, np.linspace(start, end, len(new)))
+    drift, sigma = _bridged(pair.datum, pair.bridges, np.linspace(start, end, len(new)))
     here = np.column_stack(enu_difference(*new.T, *np.broadcast_to(old[0], new.shape).T)) - drift
     there = np.column_stack(enu_difference(*old.T, *np.broadcast_to(old[0], old.shape).T))
     width = max(round(_SMOOTH / (end - start) * len(new)), 1)
@@ -104,8 +106,8 @@ def _centreline(run: xr.DataTree, chain_map: Any, start: float, end: float) -> F
     return points if len(points) >= _LEAST_POINTS else None
 
 
-def _bridged(datum: Datum, place: Floats, at: Floats) -> tuple[Floats, Floats]:
-    """Drift (n, 3) at places (m) and the sigma (n,) of a distance across the pipe there."""
-    drift = np.column_stack([np.interp(at, place, column) for column in datum.drift.T])
-    variance = np.interp(at, place, datum.variance.max(axis=1)) + float(datum.model.noise[:2].max())
-    return drift, np.sqrt(variance)
+def _bridged(datum: Datum, bridges: Bridges, at: Floats) -> tuple[Floats, Floats]:
+    """Drift (n, 3) at places in one bridge (m) and the sigma (n,) of a distance across the pipe there."""
+    drift, variance = (finer(at, bridges.place, part) for part in (datum.drift, datum.variance))
+    variance = variance.max(axis=1) + float(datum.model.noise[:2].max())
+    return drift, np.sqrt(variance) * float(bridges.factor(at[-1] - at[0]).max())
