@@ -48,17 +48,18 @@ def told_by_geometry(
         return edits
     order, tree = [run_id(run) for run in runs], {run_id(run): run for run in runs}
     edits = edits.copy()
-    for row in edits[edits["kind"] == "cutout"].itertuples():
-        pair = _across(pairs, order.index(str(row.run)))
+    chosen = edits[edits["kind"] == "cutout"]
+    for index, row in zip(chosen.index, chosen.to_dict("records"), strict=True):
+        pair = _across(pairs, order.index(str(row["run"])))
         if pair is None:
             continue
-        found = departure(pair, tree, maps, float(row.start_m), float(row.end_m))
+        found = departure(pair, tree, maps, float(row["start_m"]), float(row["end_m"]))
         if found is None:
             continue
         apart, sigma, place = found
         if apart > max(_IN_PLACE, options.k_sigma * sigma):
             words = f"the new pipe lies up to {apart:.2f} m (sigma {sigma:.2f} m) beside the old, at {place:.0f} m"
-            edits.loc[row.Index, ["kind", "reason"]] = ["reroute", "; ".join(w for w in (words, str(row.reason)) if w)]
+            edits.loc[index, ["kind", "reason"]] = ["reroute", "; ".join(w for w in (words, str(row["reason"])) if w)]
     return edits
 
 
