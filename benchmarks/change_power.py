@@ -168,7 +168,7 @@ def _draw(rows: dict[str, list[tuple[str, float, float, float, int]]], path: Pat
     axes.plot([0, 1], [0, 1], "k:")
     for (name, found), mark, colour in zip(rows.items(), "os", ("C0", "C1"), strict=False):
         for whole in (False, True):
-            chosen = np.array([row[1:4] for row in found if row[0].startswith("all") == whole])
+            chosen = np.array([row[1:4] for row in found if row[0].startswith("all") == whole]).reshape(-1, 3)
             style = {"ms": 8, "mfc": colour, "label": f"{name}, all lengths"} if whole else {"ms": 4, "mfc": "none", "alpha": 0.5}
             axes.errorbar(chosen[:, 0], chosen[:, 1], chosen[:, 2], fmt=mark, color=colour, capsize=2, **style)
     axes.set(xlabel="predicted probability of detection", ylabel="share that was found", xlim=(-0.05, 1.05), ylim=(-0.05, 1.05))
