@@ -18,6 +18,7 @@ from deform.change.detection_limit import joint_rows, limit_rows
 from deform.change.joint_change import Elongation, with_axial_strain
 from deform.change.ovality_change import ovality_table
 from deform.change.pair import PairChange, PairSearch
+from deform.change.reroute import told_by_geometry
 from deform.change.stack import POSITION, Layer, layer, reference_axis, run_day, run_id, tangents
 from deform.change.zone_table import zone_table
 from deform.errors import Fault, InputError
@@ -45,6 +46,7 @@ class Comparison:
     joints : table ``joints``, with axial strain.
     limits : table ``limits``: noise floors and detection limits of each pair.
     ovality : table ``ovality``: stretches whose section changed.
+    edits : table ``edits`` of the matching, what geometry tells of them added.
     remarks : what the runs cannot tell, in words.
     """
 
@@ -54,6 +56,7 @@ class Comparison:
     joints: pd.DataFrame
     limits: pd.DataFrame
     ovality: pd.DataFrame
+    edits: pd.DataFrame
     remarks: tuple[str, ...] = ()
 
 
@@ -125,7 +128,8 @@ def _comparison(runs, matching, options, tick, values, changes, axis, ground, di
     pairs, steps = changes
     joints = with_axial_strain(matching.joints, reference, names, options.k_sigma)
     grown = axial_zones(joints, reference, names, options)
-    zones = zone_table(pairs, steps, grown, axis, matching.edits, diameter, options)
+    edits = told_by_geometry(matching.edits, [*steps, *pairs], runs, matching.maps, options)
+    zones = zone_table(pairs, steps, grown, axis, edits, diameter, options)
     dents = compare_dents(runs, matching, options, joints)
     rows = [row for pair in (*pairs, *steps) for row in limit_rows(pair, diameter)]
     rate = options.false_alarms_per_100_km
@@ -138,7 +142,7 @@ def _comparison(runs, matching, options, tick, values, changes, axis, ground, di
     dataset = values.dataset(names, runs, axis, reference, ground.gauge_length)
     if np.isfinite(diameter):
         dataset.attrs["outside_diameter_m"] = diameter
-    return Comparison(dataset, zones, dents, joints, limits, ovality, tuple(remarks))
+    return Comparison(dataset, zones, dents, joints, limits, ovality, edits, tuple(remarks))
 
 
 def _search(

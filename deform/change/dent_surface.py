@@ -28,9 +28,12 @@ def patch(
     if "caliper" not in run.children or "clock" not in run["caliper"].to_dataset().variables:
         return empty
     wall = run["caliper"].to_dataset()
+    reach = half_length + _FLANK
+    window = slice(*np.searchsorted(wall["chainage"].values, [chainage - reach, chainage + reach]))
+    wall = wall.isel(scan=window)
     along = np.asarray(wall["chainage"].values, float) - chainage
     near = np.abs(along) <= half_length
-    beside = (np.abs(along) > half_length) & (np.abs(along) <= half_length + _FLANK)
+    beside = ~near
     turn = wrap_degree(np.asarray(wall["clock"].values, float) - clock)
     order = np.argsort(turn)
     order = order[np.abs(turn[order]) <= half_clock]

@@ -20,6 +20,17 @@ def inside(place: Floats, stretches: Iterable[Stretch], margin: float = 0.0) -> 
     return out
 
 
+def merged(stretches: Iterable[Stretch]) -> list[Stretch]:
+    """Return stretches that do not touch each other, in their order, which cover what those given cover."""
+    out: list[Stretch] = []
+    for start, end in sorted(stretches):
+        if out and start <= out[-1][1]:
+            out[-1] = out[-1][0], max(end, out[-1][1])
+        else:
+            out.append((start, end))
+    return out
+
+
 def between(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return true from the first to the last known place."""
     out = np.zeros(known.size, bool)

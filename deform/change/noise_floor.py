@@ -18,7 +18,9 @@ _SLOWEST, _PER_OCTAVE = 0.25, 10  # m/s and steps: how finely the floor follows 
 SPEEDS = 64  # number of speed steps; step number SPEEDS stands for an unknown speed
 _LEAST_SHARE = 0.02  # of the pipe: a class that holds less is not listed
 _CELLS = 8  # of speed of each run
-_KNOT_STEPS = 3.0  # steps between the knots of the noise over the speed
+_POWERS = (-4, -2, 0, 2, 4)  # of the speed, in the variance
+_REACH = (0.002, 0.998)  # quantiles of the speed beyond which the noise is not led on
+_ROUNDS = 4  # of the fit, whose weights rest on itself
 _SAMPLE = 300_000  # places that a floor is learned from, at most
 _LEAN = 0.02  # weight of an even share, in parts of that of all cells
 _LEAST_PART = 0.5  # of the variance of the quietest twentieth of the pipe: no speeds are quieter than that
@@ -94,10 +96,12 @@ def speed_noise(values: Floats, reference_step: Floats, other_step: Floats, stab
     Notes
     -----
     The pipe is cut into cells of equal speeds of both runs (quantiles of each). The squared `spread` of each cell is the sum of
-    one function of the speed per run, a broken line in the logarithm of the speed (least squares weighted by the number of
-    places; the sum is nowhere below half the variance of the quietest twentieth of the pipe, and no part above twice that of
-    the noisiest, so that a pair of speeds that few places have is taken neither for free of noise nor for worth nothing). Where
-    the speeds are not known the whole is shared evenly.
+    one function of the speed per run: powers of the speed with factors that are not negative, falling for the noise that comes
+    with the time that a metre takes, rising for what the speed shakes. Powers lead the noise on to the slowest stretches, where
+    it is largest and too little pipe lies to be a cell of its own. Least squares of the ratios, weighted by the number of places;
+    the sum is nowhere below half the variance of the quietest twentieth of the pipe, and no part above twice that of the
+    noisiest, so that a pair of speeds that few places have is taken neither for free of noise nor for worth nothing. Where the
+    speeds are not known the whole is shared evenly.
     """
     some = slice(None, None, sample_step(values.size))
     values, reference_step, other_step, stable = (part[some] for part in (values, reference_step, other_step, stable))
@@ -118,28 +122,28 @@ def speed_noise(values: Floats, reference_step: Floats, other_step: Floats, stab
 
 def _tables(a: Floats, b: Floats, v: Floats) -> tuple[Floats, Floats]:
     """Variance at every speed step of each run, the whole being one."""
-    cells = [_cells_of(part) for part in (a, b)]
-    hats = [_hats(part) for part in (a, b)]
+    cells, shapes = ([work(part) for part in (a, b)] for work in (_cells_of, _shapes))
     number = cells[0] * (_CELLS + 1) + cells[1]
     members = [np.flatnonzero(number == cell) for cell in np.unique(number)]
     squares = np.array([spread(v[chosen]) ** 2 for chosen in members])
-    known = np.flatnonzero(np.isfinite(squares) & (squares > 0))
-    sizes = np.array([float(members[k].size) for k in known])
-    low, high = _ends(squares[known], sizes)
+    members = [chosen for chosen, square in zip(members, squares, strict=True) if square > 0]
+    squares, sizes = squares[squares > 0], np.array([float(chosen.size) for chosen in members])
+    low, high = _ends(squares, sizes)
     least, most = _LEAST_PART * min(low, 1.0), high / _LEAST_PART
     squares = np.minimum(squares, most)
-    rows, right = [], []
-    for k, size in zip(known, sizes, strict=True):
-        row = np.concatenate([hats[m][part[members[k]]].mean(axis=0) for m, part in enumerate((a, b))])
-        rows.append(np.sqrt(size) * row / squares[k])
-        right.append(np.sqrt(size) * max(squares[k] - least, 0.0) / squares[k])
-    width = hats[0].shape[1] + hats[1].shape[1]
-    for row in np.eye(width):  # what the cells leave open is shared evenly
-        rows.append(_LEAN * np.sqrt(v.size) * row)
-        right.append(_LEAN * np.sqrt(v.size) * 0.5 * (1.0 - least))
-    solution, _ = nnls(np.array(rows), np.array(right))
-    split = hats[0].shape[1]
-    parts = hats[0] @ solution[:split], hats[1] @ solution[split:]
+    width = sum(part.shape[1] for part in shapes)
+    means = [shapes[m][part[chosen]].mean(axis=0) for chosen in members for m, part in enumerate((a, b))]
+    rows = np.concatenate([*means, []]).reshape(-1, width)
+    lean = _LEAN * np.sqrt(v.size) * np.eye(width)  # what the cells leave open is shared evenly
+    even = lean.diagonal() * (1.0 - least) / width
+    fitted = squares
+    for _ in range(_ROUNDS):  # of a ratio and of its inverse alike: either alone leans to one side
+        weight = np.sqrt(sizes / (squares * fitted))
+        design = np.vstack([weight[:, None] * rows, lean])
+        solution, _ = nnls(design, np.concatenate([weight * np.maximum(squares - least, 0.0), even]))
+        fitted = rows @ solution + least
+    split = shapes[0].shape[1]
+    parts = shapes[0] @ solution[:split], shapes[1] @ solution[split:]
     return 0.5 * least + np.minimum(parts[0], most), 0.5 * least + np.minimum(parts[1], most)
 
 
@@ -160,16 +164,15 @@ def _cells_of(step: Floats) -> Floats:
     return np.where(known, np.searchsorted(edges, step, side="right"), _CELLS)
 
 
-def _hats(step: Floats) -> Floats:
-    """Broken-line functions of the speed step, (SPEEDS + 1, knots); an unknown speed takes their mean over the run."""
-    known = step[step < SPEEDS].astype(float)
+def _shapes(step: Floats) -> Floats:
+    """Powers of the speed over its median, (SPEEDS + 1, powers); an unknown speed takes their mean over the run."""
+    known = step[step < SPEEDS].astype(int)
     if not known.size:
         return np.ones((SPEEDS + 1, 1))
-    low, high = np.quantile(known, [0.02, 0.98])
-    knots = np.linspace(low, high, max(int((high - low) / _KNOT_STEPS), 0) + 1) if high > low else np.array([low])
-    at = np.clip(np.arange(SPEEDS), knots[0], knots[-1])
-    hats = np.column_stack([np.interp(at, knots, row) for row in np.eye(knots.size)])
-    return np.vstack([hats, hats[known.astype(int)].mean(axis=0)])
+    at = np.clip(np.arange(SPEEDS), *np.quantile(known, _REACH))
+    ratio = 2.0 ** ((at - np.median(known)) / _PER_OCTAVE)
+    powers = ratio[:, None] ** np.array(_POWERS)
+    return np.vstack([powers, powers[known].mean(axis=0)])
 
 
 def bend_terms(change: Floats, base: Floats, curvature: Floats, slope: Floats, stable: Floats) -> tuple[float, float]:

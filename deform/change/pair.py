@@ -41,7 +41,8 @@ class PairChange:
     the pipe serves as datum. candidates : stretches that changed. waves : the amplitudes of each wavelength after the zones
     were taken out. floors : noise floor by quantity and speed class. limit : threshold on twice the log likelihood ratio.
     order : places of the reference and of the run among the runs of the line, the earliest first; dates are not needed for it,
-    and a run may have none.
+    and a run may have none. datum, bridges : drift of the two runs on the scan axis and what it is worth over pipe without
+    datum, None without positions.
     """
 
     run: str
@@ -60,6 +61,8 @@ class PairChange:
     elongation: Elongation | None = None
     step: float = 1.0
     colour: dict[str, float] = field(default_factory=dict)
+    datum: Datum | None = None
+    bridges: Bridges | None = None
 
     @property
     def sign(self) -> float:
@@ -122,6 +125,7 @@ class PairSearch:
         self.stable = usable.copy()
         self.curvature: dict[str, CurvatureChange] = {}
         self.datum: Datum | None = None
+        self.bridges: Bridges | None = None
         self.signals: Signals | None = None
         self.waves: list[Waves] = []
         self.has_position = bool(np.isfinite(self.scan_difference).any())
@@ -170,6 +174,8 @@ class PairSearch:
             elongation=self.elongation,
             step=self.step,
             colour=dict(zip(("horizontal", "vertical"), self._colour(), strict=True)),
+            datum=self.datum,
+            bridges=self.bridges,
         )
 
     def _displacement(self) -> tuple[Floats | None, Floats | None, dict[str, dict[int, float]]]:
@@ -180,8 +186,8 @@ class PairSearch:
         noise = noise_about_datum(moved, self.axes, self.speeds, self.stable)
         quiet = self.scan_usable & ~inside(self.place, self.excluded)
         floor = np.nanmedian(noise.east_north_up, axis=0)
-        bridges = Bridges(self.place, self.scan_difference, self.scan_axes, quiet, self.model, floor)
-        return *displacement_on(self.datum, bridges, noise, self.excluded, self.axis, moved, self.axes), noise.floors
+        self.bridges = Bridges(self.place, self.scan_difference, self.scan_axes, quiet, self.model, floor)
+        return *displacement_on(self.datum, self.bridges, noise, self.excluded, self.axis, moved, self.axes), noise.floors
 
     def _ovality(self, floors: dict[str, dict[int, float]]) -> tuple[Floats | None, Floats | None]:
         if not (self.reference.has("ovality") and self.other.has("ovality")):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deform.change.bridge import Bridges
 from deform.change.datum import Datum
-from deform.change.intervals import Stretch
+from deform.change.intervals import Stretch, merged
 from deform.change.noise_floor import speed_noise
 from deform.change.stack import POSITION, Layer
 from deform.geometry.earth import enu_difference
@@ -60,7 +60,7 @@ def displacement_on(
     datum : drift of the two runs on the scan axis.
     bridges : what bridges over stretches without datum are worth.
     noise : sigma about the datum.
-    excluded : stretches that carry no datum.
+    excluded : stretches that carry no datum; those of several runs may overlap, and are one bridge.
     axis, moved, axes : the reference chainage (n,), displacement there (n, 3), axes of the reference pipe.
 
     Notes
@@ -69,7 +69,7 @@ def displacement_on(
     and both are widened by what bridges over stable pipe of the same width miss beyond what they claim.
     """
     sigma = noise.east_north_up.copy()
-    for start, end in excluded:
+    for start, end in merged(excluded):
         gone = slice(*np.searchsorted(axis, [start, end]))
         bridge = finer(axis[gone], bridges.place, datum.variance)
         sigma[gone] = np.sqrt(sigma[gone] ** 2 + bridge) * bridges.factor(end - start)

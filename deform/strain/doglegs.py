@@ -46,13 +46,20 @@ def doglegs(
     options = options or StrainOptions()
     if "curvature_horizontal" not in centreline:
         return build.table("doglegs", {})
-    rows = _bends(centreline, outside_diameter, options)
-    taken = [(r["start_m"], r["end_m"]) for r in rows]
-    for place, kind in _points(welds, features):
-        if not any(a - _SIDE_M <= place <= b + _SIDE_M for a, b in taken):
-            rows += _deflection(centreline, place, kind, outside_diameter, options)
+    centreline = centreline[["azimuth", "pitch", "curvature_horizontal", "curvature_vertical"]].compute()  # it may lie on disk
+    bends = _bends(centreline, outside_diameter, options)
+    points = _outside(_points(welds, features), bends)
+    rows = bends + [row for place, kind in points for row in _deflection(centreline, place, kind, outside_diameter, options)]
     rows.sort(key=lambda r: r["start_m"])
     return build.table("doglegs", pd.DataFrame(rows))
+
+
+def _outside(points: list[tuple[float, str]], bends: list[dict[str, Any]]) -> list[tuple[float, str]]:
+    """The points that lie `_SIDE_M` at least from every bend: so many bends have begun before them as have ended."""
+    places = np.array([place for place, _ in points])
+    begun = np.searchsorted(np.sort([row["start_m"] for row in bends]), places + _SIDE_M, side="right")
+    ended = np.searchsorted(np.sort([row["end_m"] for row in bends]), places - _SIDE_M, side="left")
+    return [points[k] for k in np.flatnonzero(begun == ended)]
 
 
 def _points(welds: xr.Dataset | None, features: xr.Dataset | None) -> list[tuple[float, str]]:
@@ -72,10 +79,11 @@ def _bends(line: xr.Dataset, diameter: float, options: StrainOptions) -> list[di
     bent = np.concatenate([[False], total * 0.5 * diameter > options.bend_strain, [False]])
     edges = np.flatnonzero(np.diff(bent.astype(np.int8))).reshape(-1, 2)
     rows = []
+    azimuth, pitch = line["azimuth"].values, line["pitch"].values
     for first, last in edges:
         a, b = s[first] - 0.5 * gauge, s[last - 1] + 0.5 * gauge
-        inside = (s >= a - 1e-9) & (s <= b + 1e-9)
-        right, up = _turn(line, inside)
+        inside = slice(*np.searchsorted(s, [a - 1e-9, b + 1e-9]))
+        right, up = _turn(azimuth[inside], pitch[inside])
         angle = float(np.hypot(right, up))
         peak = total[first:last].max()
         arc = angle / np.degrees(peak)
@@ -96,25 +104,24 @@ def _bends(line: xr.Dataset, diameter: float, options: StrainOptions) -> list[di
     return rows
 
 
-def _turn(line: xr.Dataset, inside: Floats) -> tuple[float, float]:
+def _turn(azimuth: Floats, pitch: Floats) -> tuple[float, float]:
     """Turn to the right (times cos pitch) and up over a stretch (degree)."""
-    azimuth = np.unwrap(line["azimuth"].values[inside], period=360.0)
-    pitch = line["pitch"].values[inside]
+    azimuth = np.unwrap(azimuth, period=360.0)
     level = np.cos(np.radians(0.5 * (pitch[1:] + pitch[:-1])))
     return float(np.sum(level * np.diff(azimuth))), float(pitch[-1] - pitch[0])
 
 
 def _deflection(line: xr.Dataset, place: float, kind: str, diameter: float, options: StrainOptions) -> list[dict[str, Any]]:
-    s = line["chainage"].values - place
-    before, behind = (s >= -_SIDE_M) & (s <= -_GAP_M), (s >= _GAP_M) & (s <= _SIDE_M)
+    chainage = line["chainage"].values
+    near = slice(*np.searchsorted(chainage, [place - _SIDE_M, place + _SIDE_M]))
+    s = chainage[near] - place
+    before, behind = s <= -_GAP_M, s >= _GAP_M
     if min(before.sum(), behind.sum()) < 5:
         return []
-    near = (s >= -_SIDE_M) & (s <= _SIDE_M)
-    azimuth = np.full(s.size, np.nan)
-    azimuth[near] = np.unwrap(line["azimuth"].values[near], period=360.0)
-    level = float(np.cos(np.radians(line["pitch"].values[near].mean())))
+    azimuth, pitch = np.unwrap(line["azimuth"].values[near], period=360.0), line["pitch"].values[near]
+    level = float(np.cos(np.radians(pitch.mean())))
     right = level * (_at_zero(s, azimuth, behind) - _at_zero(s, azimuth, before))
-    up = _at_zero(s, line["pitch"].values, behind) - _at_zero(s, line["pitch"].values, before)
+    up = _at_zero(s, pitch, behind) - _at_zero(s, pitch, before)
     # two lines led on to the weld: four times the variance of a mean over the side, the errors of both sides being half common
     sigma = 2.0 * max(stated_turn_sigma(line[name], 0.5 * _SIDE_M) for name in ("azimuth", "pitch"))
     angle = float(np.hypot(right, up))

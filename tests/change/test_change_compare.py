@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import change_lines as lines
 import numpy as np
 import pandas as pd
@@ -45,6 +47,14 @@ def test_both_movements_are_found_in_the_right_year_and_nothing_else(slide):
     assert (zones.confidence > 0.99).all()
     assert "towards" in slid.reasons
     assert "down" in settled.reasons
+
+
+def test_sigma_of_a_zone_does_not_grow_with_the_number_of_runs_that_show_it(slide):
+    _, _, runs, comparison = slide
+    alone = compare([runs[0], runs[2]], lines.identity_matching([runs[0], runs[2]]))
+    inside = np.abs(comparison.dataset.chainage.values - 1700.0) < 40.0
+    both = [c.dataset["displacement_lateral_sigma"].values[-1, inside] for c in (comparison, alone)]
+    assert np.median(both[0] / both[1]) == pytest.approx(1.0, abs=0.4)
 
 
 def test_markers_of_the_runs_do_not_enter_the_displacement_of_stable_pipe(slide):
@@ -123,9 +133,10 @@ def test_limits_of_the_joints_are_those_that_the_search_holds_at_the_rate_that_w
         np.testing.assert_allclose(stated, [s.sigma * s.caution * np.sqrt(s.limit) for s in held])
 
 
-def test_cut_out_is_a_reconfiguration_and_no_movement():
+@pytest.mark.parametrize(("beside", "kind"), [(0.3, "cutout"), (4.0, "reroute")])
+def test_replaced_pipe_is_a_reconfiguration_and_no_movement_and_a_re_route_where_it_left_its_place(beside, kind):
     line = lines.make_line(2000.0, seed=4)
-    after = lines.moved(line, lateral=np.where((line.chainage > 1000) & (line.chainage < 1060), 0.3, 0.0))
+    after = lines.moved(line, lateral=lines.bump(line.chainage, 1030.0, 60.0, beside))
     runs = [lines.make_run(at, f"r{k}", f"201{k}-01-01", seed=60 + k) for k, at in enumerate((line, after))]
     matching = lines.identity_matching(runs)
     edit = {"kind": ["cutout"], "run": ["r1"], "start_m": [1000.0], "end_m": [1060.0], "n_old": [5], "n_new": [5], "reason": [""]}
@@ -135,6 +146,13 @@ def test_cut_out_is_a_reconfiguration_and_no_movement():
     comparison = compare(runs, matching)
     assert list(comparison.zones.kind) == ["reconfiguration"]
     assert comparison.zones.confidence.isna().all()  # the matching states none for an edit
+    assert list(comparison.edits.kind) == [kind]
+    assert comparison.zones.reasons[0].startswith("Cut-out" if kind == "cutout" else "Re-route")
+    said = re.search(r"the new pipe lies up to (.+) m \(sigma (.+) m\) beside the old, at (.+) m", comparison.edits.reason[0])
+    assert (said is None) == (kind == "cutout")
+    if said:
+        assert float(said[1]) == pytest.approx(beside, abs=max(0.03, 3.0 * float(said[2])))
+        assert float(said[3]) == pytest.approx(1030.0, abs=5.0)
     gone = (comparison.dataset.chainage.values > 1001) & (comparison.dataset.chainage.values < 1059)
     assert np.isnan(comparison.dataset["displacement_up"].values[1, gone]).all()
 

@@ -46,6 +46,21 @@ def test_floor_between_two_speeds_lies_between_their_floors():
     assert np.median(np.abs(got / speed - 1.0)[middle]) < 0.06
 
 
+@pytest.mark.parametrize("power", [-2.0, -1.5, -1.0])
+def test_noise_that_grows_as_the_tool_slows_is_known_on_the_slowest_hundredth_of_the_pipe(power):
+    rng = np.random.default_rng(11)
+    n = 50000
+    speed = 1.3 * np.exp(np.clip(rng.normal(0.0, 0.22, (2, n)), -0.35, 0.35))
+    slow = np.arange(n) < n // 100
+    speed[0, slow] = rng.uniform(0.65, 0.75, slow.sum())
+    true = np.hypot(*(speed**power))
+    values = rng.standard_normal(n) * true
+    steps = speed_step(speed[0], n), speed_step(speed[1], n)
+    got = speed_noise(values, *steps, np.ones(n, bool)).at(*steps)
+    assert np.median((got / true)[slow]) == pytest.approx(1.0, abs=0.15)
+    assert np.median((got / true)[~slow]) == pytest.approx(1.0, abs=0.03)
+
+
 def test_no_pair_of_speeds_is_taken_for_free_of_noise():
     rng = np.random.default_rng(10)
     n = 20000
@@ -67,6 +82,14 @@ def test_unknown_speeds_share_one_floor():
 def test_too_little_pipe_gives_no_floor_rather_than_a_wrong_one():
     unknown = np.full(5, SPEEDS, np.uint8)
     assert np.isnan(speed_noise(np.ones(5), unknown, unknown, np.ones(5, bool)).at(unknown, unknown)).all()
+
+
+def test_pipe_that_is_too_short_for_cells_of_speed_has_one_floor_at_all_speeds():
+    rng = np.random.default_rng(12)
+    steps = speed_step(np.linspace(0.5, 2.0, 40), 40), speed_step(rng.permutation(np.linspace(0.5, 2.0, 40)), 40)
+    values = rng.standard_normal(40)
+    got = speed_noise(values, *steps, np.ones(40, bool)).at(*steps)
+    assert np.median(got) == pytest.approx(spread(values), rel=0.3)
 
 
 def test_heavy_tails_widen_the_floor_and_a_normal_noise_does_not():
