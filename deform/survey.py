@@ -22,7 +22,6 @@ from deform.run import history, store
 from deform.survey_file import SURFACE_FORMATS, RunEntry, Survey, read_survey
 
 _log = logging.getLogger(__name__)
-_LARGE = ("centreline", "caliper")  # groups of a stored run that a comparison reads piece by piece
 _EXTRAS = {"pdf": "weasyprint", "gpkg": "pyogrio", "ply": "open3d", "glb": "open3d", "stl": "open3d"}
 
 
@@ -171,7 +170,7 @@ def compare_runs(survey: Survey, ledger: Ledger, paths: list[Path], key: str) ->
     compare_key = key_of(match_key, chosen["change"], chosen["trend"])
     if ledger.done("match", match_key) and ledger.done("compare", compare_key):
         return
-    runs = [store.read_run(path, on_disk=_LARGE) for path in paths]
+    runs = [store.read_run(path) for path in paths]
     with ledger.stage("match", match_key) as record:
         matching = match(runs, survey.options, reference=survey.reference, locks=survey.locks, folder=survey.folder)
         ledger.outputs(record, [survey.folder / "tables" / "welds.csv"])  # compare completes the joints and the edits
@@ -254,7 +253,7 @@ def stored_runs(folder: Path) -> list[xr.DataTree]:
     paths = sorted((folder / "runs").glob("*.nc"))
     if not paths:
         raise InputError(Fault(str(folder), "runs", "holds no run", "process runs first: deform process RAW --out FOLDER"))
-    runs = [store.read_run(path, on_disk=_LARGE) for path in paths]
+    runs = [store.read_run(path) for path in paths]
     return sorted(runs, key=lambda run: str(run.attrs.get("date", "")))
 
 

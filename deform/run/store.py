@@ -67,15 +67,13 @@ def write_run(run: xr.DataTree, path: Path) -> Path:
     return path
 
 
-def read_run(path: Path, groups: Iterable[str] | None = None, on_disk: Iterable[str] = ()) -> xr.DataTree:
+def read_run(path: Path, groups: Iterable[str] | None = None) -> xr.DataTree:
     """Read a run into memory, all groups or the named ones (those that exist).
 
     Parameters
     ----------
     path : of the run.
     groups : names of the groups that are wanted, None for all.
-    on_disk : of these, the groups whose values stay in the file: each variable, or a slice of it, is read when it is asked for,
-        and is not kept. The file must not be written anew meanwhile.
 
     Raises
     ------
@@ -86,11 +84,11 @@ def read_run(path: Path, groups: Iterable[str] | None = None, on_disk: Iterable[
     if not path.exists():
         raise InputError(Fault(str(path), "", "no such file"))
     try:
-        with xr.open_datatree(path, **_opening(path)) as tree:
+        further: dict[str, Any] = {"consolidated": False} if path.suffix == ".zarr" else {}
+        with xr.open_datatree(path, engine=engine(path), decode_times=False, **further) as tree:
             schema.check_version(tree.attrs, str(path))
             wanted = [n for n in tree.children if groups is None or n in set(groups)]
-            children = {n: xr.DataTree(_clean(tree[n].to_dataset().load())) for n in wanted if n not in set(on_disk)}
-            children |= {n: xr.DataTree(_on_disk(path, n)) for n in wanted if n in set(on_disk)}
+            children = {n: xr.DataTree(_clean(tree[n].to_dataset().load())) for n in wanted}
             return xr.DataTree(xr.Dataset(attrs=tree.attrs), children=children)
     except InputError:
         raise
@@ -98,18 +96,6 @@ def read_run(path: Path, groups: Iterable[str] | None = None, on_disk: Iterable[
         raise InputError(
             Fault(str(path), "", f"cannot be opened as a run ({fault})", "it may be cut off: write it again")
         ) from fault
-
-
-def _opening(path: Path) -> dict[str, Any]:
-    """How xarray opens a run."""
-    how: dict[str, Any] = {"engine": engine(path), "decode_times": False}
-    return how | {"consolidated": False} if path.suffix == ".zarr" else how
-
-
-def _on_disk(path: Path, group: str) -> xr.Dataset:
-    """A group whose values stay in the file, but for its chainage."""
-    ds = xr.open_dataset(path, group=group, cache=False, **_opening(path))
-    return _clean(ds.assign(chainage=ds["chainage"].load()) if "chainage" in ds.data_vars else ds)
 
 
 def read_wall(path: Path, chainage: float, half_length: float) -> xr.Dataset | None:

@@ -46,7 +46,7 @@ def doglegs(
     options = options or StrainOptions()
     if "curvature_horizontal" not in centreline:
         return build.table("doglegs", {})
-    centreline = centreline[["azimuth", "pitch", "curvature_horizontal", "curvature_vertical"]].compute()  # it may lie on disk
+    centreline = centreline[["azimuth", "pitch", "curvature_horizontal", "curvature_vertical"]]
     bends = _bends(centreline, outside_diameter, options)
     points = _outside(_points(welds, features), bends)
     rows = bends + [row for place, kind in points for row in _deflection(centreline, place, kind, outside_diameter, options)]

@@ -55,19 +55,6 @@ def test_only_the_groups_asked_for_are_read(run, tmp_path):
     assert set(store.read_run(path, groups=["welds"]).children) == {"welds"}
 
 
-@pytest.mark.parametrize("end", [".nc", ".zarr"])
-def test_groups_that_stay_on_disk_give_the_same_values_in_whole_and_in_slices(run, tmp_path, end):
-    path = store.write_run(run, tmp_path / f"run{end}")
-    whole, there = store.read_run(path), store.read_run(path, on_disk=("centreline", "caliper"))
-    assert set(there.children) == set(whole.children)
-    for group in whole.children:
-        for name, variable in whole[group].to_dataset().variables.items():
-            np.testing.assert_array_equal(there[group].to_dataset()[name].values, variable.values)
-    window = there["caliper"].to_dataset().isel(scan=slice(10, 20))["radius"]
-    np.testing.assert_array_equal(window.values, whole["caliper"]["radius"].values[10:20])
-    assert not there["caliper"].to_dataset()["radius"].variable._in_memory
-
-
 def test_all_faults_of_a_run_are_listed_at_once(run):
     welds = run["welds"].to_dataset()
     welds["chainage"] = ("weld", [13.2, 1.0], {"units": "ft"})
