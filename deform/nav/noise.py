@@ -27,8 +27,8 @@ DOUBT = 2.0  # factor on the sigmas of the state at the beginning of a stretch
 OUTLIER = 4.5  # sigma beyond which a displacement teaches nothing
 ROUNDS, ITERATIONS, MOST_STEP = 6, 12, 2.5  # a round lets a logarithm go so far
 # Noise of the velocity within an epoch moves the tool as well, and the filter lets it begin at the epoch's end; errors of a wheel
-# last longer than an epoch. A noise of the displacement below this part of the usual one would stand for these only.
-LEAST_PART = math.exp(-2.5)
+# last longer than an epoch. A noise of the displacement below these parts of the usual one would stand for these only.
+LEAST_PART, LEAST_ALONG = 0.08, 0.04
 
 # What is expected of a tool: spreads of logarithms of powers and variances before the data have spoken
 WOBBLE_SPREAD, SHAPE_SPREAD = 2.0, 2.0  # of the wobble's variances against a usual tool's; of neighbours, and of right and up
@@ -102,7 +102,9 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
         return problem
     buffers = Buffers.of(problem.model.size, max(p.epochs.bounds.size for p in parts))
     usual = Noise.usual().logs
-    least = np.concatenate([np.full(2 * WAVES, -np.inf), usual[2 * WAVES :] + math.log(LEAST_PART)])
+    part = np.repeat([0.0, LEAST_PART, LEAST_ALONG, LEAST_PART], [2 * WAVES, 2, 1, 3])
+    with np.errstate(divide="ignore"):
+        least = usual + np.log(part)
     x, used, settled = usual.copy(), [np.zeros((0, 3), bool)] * len(parts), False
     for _ in range(ROUNDS):
         before, used = used, [_plausible(apply(p, Noise.of(x))) for p in parts]
