@@ -117,7 +117,7 @@ def test_pipe_that_did_not_move_gets_no_zone_but_a_detection_limit():
     limits = comparison.limits[comparison.limits.limit_displacement_m.notna()]
     assert len(limits) >= 10
     assert (limits.limit_90_displacement_m > limits.limit_displacement_m).all()
-    assert limits.limit_displacement_m.between(1e-4, 1.0).all()
+    assert limits.limit_displacement_m.between(1e-4, 1.1).all()
     strings = comparison.limits[comparison.limits.limit_elongation_m.notna()]
     assert (strings.limit_elongation_m > 4.0 * strings.noise_sigma).all()
 
