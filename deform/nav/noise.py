@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from deform.nav._kernels_state import WAVES, WOBBLE
+from deform.nav._kernels_state import TILT, WAVES, WOBBLE
 from deform.nav.aiding import REST_VARIANCE, RIDE_DENSITY, SpanAid
 from deform.nav.error_model import BIAS_CORRELATION_S, WOBBLE_DEG, WOBBLE_LENGTHS_M
 from deform.nav.filter import BLOCK_EPOCHS, Buffers, Filtered, Problem, Start, run_forward
@@ -102,7 +102,7 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
         return problem
     buffers = Buffers.of(problem.model.size, max(p.epochs.bounds.size for p in parts))
     usual = Noise.usual().logs
-    part = np.repeat([0.0, LEAST_PART, LEAST_ALONG, LEAST_PART], [2 * WAVES, 2, 1, 3])
+    part = np.repeat([0.0, LEAST_PART, LEAST_ALONG, 0.0, LEAST_PART], [2 * WAVES, 2, 1, 2, 1])
     with np.errstate(divide="ignore"):
         least = usual + np.log(part)
     x, used, settled = usual.copy(), [np.zeros((0, 3), bool)] * len(parts), False
@@ -161,7 +161,7 @@ def _piece(problem: Problem, filtered: Filtered, first: int, last: int) -> Probl
     epochs, travel, marks = problem.epochs, problem.travel, problem.marks
     x, P = filtered.checkpoints[first // BLOCK_EPOCHS]
     here, x = slice(first, last), x.copy()
-    x[WOBBLE : WOBBLE + 2 * WAVES] = 0.0
+    x[WOBBLE:TILT] = 0.0  # the wobble and what drives it
     return replace(
         problem,
         epochs=Epochs(epochs.bounds[first : last + 1], epochs.time[first : last + 1], epochs.table[here]),

@@ -74,12 +74,17 @@ def reversed_epochs(epochs: Epochs) -> Epochs:
 
 
 def reversed_problem(problem: Problem, end: Floats, variance: Floats) -> Problem:
-    """Return the problem as it is when time runs backwards, begun at a state at the last bound."""
+    """Return the problem as it is when time runs backwards, begun at a state at the last bound.
+
+    ``variance`` (9,) is that of its place, velocity and attitude; the instruments begin as before any data.
+    """
     n = problem.epochs.bounds.size - 1
     travel, marks = problem.travel, problem.marks
     state = end.copy()
     state[3:6] *= -1.0
     state[kernels.GYRO_BIAS : kernels.GYRO_BIAS + 3] *= -1.0
+    covariance = problem.model.first_covariance()
+    covariance[:9, :9] = np.diag(variance)
     return replace(
         problem,
         epochs=reversed_epochs(problem.epochs),
@@ -89,7 +94,7 @@ def reversed_problem(problem: Problem, end: Floats, variance: Floats) -> Problem
         marks=replace(marks, index=marks.index[::-1], epoch=(n - marks.epoch[::-1]).copy(), place=marks.place[::-1].copy(),
                       variance=marks.variance[::-1], late=-marks.late[::-1], weight=marks.weight[::-1]),
         spans=SpanAid(),  # the backward run checks the forward one without them
-        start=Start(state, np.diag(variance)),
+        start=Start(state, covariance),
     )  # fmt: skip
 
 
@@ -181,8 +186,7 @@ def _end(problem: Problem, smoothed: Smoothed) -> tuple[Floats, Floats]:
     """Begin of the backward run: place, velocity and attitude of the smoothed end, widely; instruments as before any data."""
     state = problem.start.state.copy()
     state[:15] = smoothed.states[-1, :15]
-    variance = np.diag(problem.start.covariance).copy()
-    sigma = smoothed.sigma[-1]
+    variance, sigma = np.empty(9), smoothed.sigma[-1]
     speed = float(np.linalg.norm(state[3:6]))
     variance[0:3] = np.maximum(WIDENED * sigma[0:3], LEAST_SIGMA_M) ** 2
     variance[3:6] = (0.05 + 0.1 * speed) ** 2
@@ -197,7 +201,7 @@ def run_backward(problem: Problem, end: Floats, variance: Floats) -> Reversed:
     ----------
     problem : the forward problem.
     end : state at the last bound, from a source of its own (the receiver's place, a levelling at rest there).
-    variance : of its errors.
+    variance : (9,) of the errors of its place (m²), velocity, attitude (radian²); instruments begin as before any data.
 
     Notes
     -----

@@ -150,8 +150,7 @@ def test_a_mark_that_lies_off_shows_in_its_misclosure_without_it():
 def test_reverse_processing_agrees_within_its_sigma():
     run, problem = problem_of(duration=700.0)
     smoothed = smooth(problem, run_forward(problem))
-    variance = problem.model.variance.copy()
-    variance[0:3], variance[3:6], variance[6:9] = 1.0, 1e-2, np.radians([0.1, 0.1, 1.0]) ** 2
+    variance = np.concatenate([np.full(3, 1.0), np.full(3, 1e-2), np.radians([0.1, 0.1, 1.0]) ** 2])
     end = np.zeros(kernels.STATE_COLUMNS)
     end[:3], end[3:6], end[6:15] = run.places[-1], run.velocities[-1], run.attitudes[-1].ravel()
     back = run_backward(problem, end, variance)
