@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_continuous_lyapunov
 
 from deform.errors import OptionError
 from deform.nav import _kernels_state as kernels
@@ -21,6 +22,7 @@ WOBBLE_LENGTHS_M = (3.0, 6.0, 12.0)  # of the components of the wobble; a corner
 # remembers hundreds of metres but its sag and mounting, states of their own, and longer waves are seen by marks alone. Of the
 # sets of lengths tried these gave simulated and demonstration runs the greatest likelihood.
 WOBBLE_DEG = (0.05, 0.05, 0.05)
+MEAN_M = 300.0
 SWAY_VARIANCE = 2.0  # of what drives a component of the wobble, against the component's own
 SHEAR_RAD = 1e-4  # askewness of a triad's axes that makers do not state
 SCALE_WALK = 3e-6  # of the odometer's scale per root metre
@@ -62,6 +64,7 @@ SLOTS = {
     "sag": kernels.B_SAG,
     "wobble": kernels.B_WOBBLE,
     "sway": kernels.B_SWAY,
+    "mean": kernels.B_MEAN,
     "tilt": kernels.B_TILT,
     "distance": kernels.B_DISTANCE,
     "course": kernels.B_COURSE,
@@ -80,7 +83,7 @@ MODELS: dict[str, tuple[tuple[str, ...], bool]] = {
     "full": (
         (
             *("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", "gyro_shear", "accel_shear"),
-            *("mounting", "scale", "delay", "sag", "wobble", "sway", "tilt"),
+            *("mounting", "scale", "delay", "sag", "wobble", "sway", "mean", "tilt"),
         ),
         False,
     ),
@@ -138,9 +141,47 @@ class ErrorModel:
     def first_covariance(self) -> Floats:
         """Return the first covariance (n, n) of the states behind the nine, in the nine zero."""
         P = np.diag(self.variance)
-        w, u = np.arange(self.size)[self.index("wobble")], np.arange(self.size)[self.index("sway")]
-        P[w, u] = P[u, w] = self.variance[w]  # what drives the wobble has twice its variance, half of which they share
+        for component in range(kernels.WAVES if self.index("wobble").stop else 0):
+            for axis in (0, 1):
+                here = self.ride_states(axis)
+                if component == 0:
+                    P[np.ix_(here, here)] = 0.0
+                P[np.ix_(here, here)] += self.ride_covariance(component, axis)
         return P
+
+    def ride_states(self, axis: int) -> NDArray[np.int64]:
+        """Return where wobble, sway and mean of an axis (0 right, 1 up) stand in the error state."""
+        index = np.arange(self.size)
+        return np.concatenate([index[self.index(name)][axis::2] for name in ("wobble", "sway", "mean")])
+
+    def ride_covariance(self, component: int, axis: int) -> Floats:
+        """Return what a component of the wobble adds to the covariance of the states of `ride_states` in the long run."""
+        A = self._ride_system(axis)
+        n, here = kernels.WAVES, self.ride_states(axis)
+        push = np.zeros_like(A)
+        push[n + component, n + component] = 2.0 * SWAY_VARIANCE * self.variance[here[component]] / self.reach[here[component]]
+        return solve_continuous_lyapunov(A, -push)
+
+    def ride_slope(self, axis: int) -> Floats:
+        """Return the slope of the covariance of the states of `ride_states` to the logarithm of the length of the mean."""
+        A, change = self._ride_system(axis), np.zeros((2 * kernels.WAVES + 1,) * 2)
+        change[-1] = -A[-1]
+        P = sum(self.ride_covariance(component, axis) for component in range(kernels.WAVES))
+        return solve_continuous_lyapunov(A, -(change @ P + P @ change.T))
+
+    def _ride_system(self, axis: int) -> Floats:
+        """System matrix per metre: the mean follows the sum of the components, each of these what drives it."""
+        n, rate = kernels.WAVES, 1.0 / self.reach[self.ride_states(axis)]
+        A = -np.diag(rate)
+        A[:n, n : 2 * n] = np.diag(rate[:n])
+        A[-1, :n] = rate[-1]
+        return A
+
+    def with_mean(self, length_m: Floats) -> ErrorModel:
+        """Return the model with other lengths of the mean of the wobble (m), right and up."""
+        reach = self.reach.copy()
+        reach[self.index("mean")] = length_m
+        return replace(self, reach=reach)
 
     def with_biases(self, correlation_s: Floats) -> ErrorModel:
         """Return the model with other correlation times of gyro and accelerometer bias (s)."""
@@ -198,6 +239,7 @@ def blocks_of(header: RunHeader, names: Sequence[str]) -> tuple[Block, ...]:
         "sag": (math.radians(0.1), 0.0, 0.0),
         "wobble": (0.0, 0.0, 0.0),
         "sway": (0.0, 0.0, 0.0),
+        "mean": (0.0, 0.0, 0.0),
         "tilt": (1.0, 0.0, 0.0),
         "distance": (0.0, 0.0, 0.0),
         "course": (math.pi, 0.0, 0.0),
@@ -221,6 +263,8 @@ def assemble(name: str, blocks: Sequence[Block], reckoned: bool, header: RunHead
         if block.name in ("wobble", "sway"):
             factor = SWAY_VARIANCE if block.name == "sway" else 1.0
             variance[here], reach[here] = factor * np.repeat(np.radians(WOBBLE_DEG) ** 2, 2), np.repeat(WOBBLE_LENGTHS_M, 2)
+        if block.name == "mean":
+            reach[here] = MEAN_M
         steady[here] = variance[here] * ((tau[here] > 0) | (reach[here] > 0))
         first += block.size
     known = at[SLOTS["gyro_scale"]] >= 0 and at[SLOTS["gyro_shear"]] >= 0

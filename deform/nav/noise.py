@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from deform.nav._kernels_state import TILT, WAVES, WOBBLE
 from deform.nav.aiding import REST_VARIANCE, RIDE_DENSITY, SpanAid
-from deform.nav.error_model import BIAS_CORRELATION_S, WOBBLE_DEG, WOBBLE_LENGTHS_M
+from deform.nav.error_model import BIAS_CORRELATION_S, MEAN_M, WOBBLE_DEG, WOBBLE_LENGTHS_M
 from deform.nav.filter import BLOCK_EPOCHS, Buffers, Filtered, Problem, Start, run_forward
 from deform.nav.smoother import slopes
 from deform.nav.strapdown import Epochs
@@ -34,6 +34,8 @@ LEAST_PART, LEAST_ALONG = 0.08, 0.04
 WOBBLE_SPREAD, SHAPE_SPREAD = 2.0, 2.0  # of the wobble's variances against a usual tool's; of neighbours, and of right and up
 RIDE_SPREAD, ALONG_SPREAD, REST_SPREAD = 3.0, 3.0, 3.0
 BIAS_SPREAD = 2.0  # of the correlation times of the biases
+MEAN_SPREAD = 1.5  # of the lengths of the mean
+LEAST_MEAN_M = 10.0
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ class Noise:
     along : factor on the odometer's own variance.
     bias_s : (2,) correlation times of gyro and accelerometer bias (s).
     rest : variance of the displacement at rest within an epoch (m²).
+    mean : (2,) length over which the wobble is about zero in the mean, right and up (m).
     """
 
     wobble: Floats
@@ -54,23 +57,24 @@ class Noise:
     along: float
     bias_s: Floats
     rest: float
+    mean: Floats
 
     @property
     def logs(self) -> Floats:
         """Logarithms, as the search uses them."""
-        return np.log(np.concatenate([self.wobble.ravel(), self.ride, [self.along], self.bias_s, [self.rest]]))
+        return np.log(np.concatenate([self.wobble.ravel(), self.ride, [self.along], self.bias_s, [self.rest], self.mean]))
 
     @classmethod
     def of(cls, logs: Floats) -> Noise:
         """Return the noise of such logarithms."""
         rest = np.exp(logs[2 * WAVES :])
-        return cls(np.exp(logs[: 2 * WAVES]).reshape(WAVES, 2), rest[:2], float(rest[2]), rest[3:5], float(rest[5]))
+        return cls(np.exp(logs[: 2 * WAVES]).reshape(WAVES, 2), rest[:2], float(rest[2]), rest[3:5], float(rest[5]), rest[6:8])
 
     @classmethod
     def usual(cls) -> Noise:
         """Noise of a usual tool."""
         wobble = np.repeat(np.radians(WOBBLE_DEG)[:, None] ** 2, 2, axis=1)
-        return cls(wobble, np.full(2, RIDE_DENSITY), 1.0, np.full(2, BIAS_CORRELATION_S), REST_VARIANCE)
+        return cls(wobble, np.full(2, RIDE_DENSITY), 1.0, np.full(2, BIAS_CORRELATION_S), REST_VARIANCE, np.full(2, MEAN_M))
 
 
 def learn(problem: Problem, filtered: Filtered) -> Problem:
@@ -102,7 +106,7 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
         return problem
     buffers = Buffers.of(problem.model.size, max(p.epochs.bounds.size for p in parts))
     usual = Noise.usual().logs
-    part = np.repeat([0.0, LEAST_PART, LEAST_ALONG, 0.0, LEAST_PART], [2 * WAVES, 2, 1, 2, 1])
+    part = np.repeat([0.0, LEAST_PART, LEAST_ALONG, 0.0, LEAST_PART, LEAST_MEAN_M / MEAN_M], [2 * WAVES, 2, 1, 2, 1, 2])
     with np.errstate(divide="ignore"):
         least = usual + np.log(part)
     x, used, settled = usual.copy(), [np.zeros((0, 3), bool)] * len(parts), False
@@ -129,8 +133,8 @@ def wobble_spectrum(variance: Floats, wavelength: Floats) -> Floats:
 
 def apply(problem: Problem, noise: Noise) -> Problem:
     """Return the problem with such noise."""
-    model = problem.model.with_wobble(noise.wobble).with_biases(noise.bias_s)
-    here = np.r_[model.index("wobble"), model.index("sway")]
+    model = problem.model.with_wobble(noise.wobble).with_mean(noise.mean).with_biases(noise.bias_s)
+    here = np.r_[model.index("wobble"), model.index("sway"), model.index("mean")]
     P = problem.start.covariance.copy()
     P[here, :] = P[:, here] = 0.0
     P[np.ix_(here, here)] = model.first_covariance()[np.ix_(here, here)]
@@ -199,13 +203,15 @@ def _misfit(x: Floats, parts: list[Problem], usual: Floats, buffers: Buffers) ->
         wobble = found.drive[model.index("wobble")] + found.drive[model.index("sway")]
         rest = found.pull[known & travel.stationary[:, None]].sum() * noise.rest
         value -= found.score
-        slope -= np.concatenate([wobble, ride, [along], bias, [rest]])
+        slope -= np.concatenate([wobble, ride, [along], bias, [rest], found.recalled])
     return value, slope
 
 
 def _prior(x: Floats, usual: Floats) -> tuple[float, Floats]:
     """Minus logarithm of the prior: variances near usual ones, those of the wobble off alike at neighbouring lengths."""
-    spread = np.repeat([WOBBLE_SPREAD, RIDE_SPREAD, ALONG_SPREAD, BIAS_SPREAD, REST_SPREAD], [2 * WAVES, 2, 1, 2, 1])
+    spread = np.repeat(
+        [WOBBLE_SPREAD, RIDE_SPREAD, ALONG_SPREAD, BIAS_SPREAD, REST_SPREAD, MEAN_SPREAD], [2 * WAVES, 2, 1, 2, 1, 2]
+    )
     off = x - usual
     value, slope = 0.5 * float(np.sum((off / spread) ** 2)), off / spread**2
     wobble, pull = off[: 2 * WAVES].reshape(WAVES, 2), np.zeros((WAVES, 2))
