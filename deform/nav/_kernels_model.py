@@ -240,7 +240,8 @@ def unit_row():
 
 @njit(cache=True, error_model="numpy")
 def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R, axes, decay, follows, recalls, Q, shared):
-    """Fill decay and Q of an epoch, by how much each state of the wobble follows the one that drives it, and their shared noise.
+    """Fill decay and Q of an epoch, by how much each state of the wobble follows the one that drives it and the mean
+    the wobble, and shared noise.
 
     ``walk`` variance per second, ``travel_walk`` per metre; ``tau`` correlation time and ``reach`` correlation length of a
     Gauss-Markov state (0 = none) of variance ``steady``. ``unknown``: variance per second of gap of attitude and velocity,
@@ -248,7 +249,8 @@ def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R
 
     A component w of the wobble is driven by a Gauss-Markov state u of the same length l: w' = (u - w) / l, u' = -u / l + noise.
     It is smooth: a tool is longer than the short waves that a Gauss-Markov state alone would have. Its covariance is
-    sigma² (1 + d / l) exp(-d / l) over a distance d (Matérn's of order 3/2).
+    sigma² (1 + d / l) exp(-d / l) over a distance d (Matérn's of order 3/2). The mean m of an axis, m' = (sum of w - m) / L, is
+    taken off the sum; ``recalls`` is how much of the sum it takes up in an epoch, before it decays.
     """
     n = decay.size
     T, s = row[DURATION], abs(row[TRAVEL])
@@ -287,7 +289,7 @@ def follow_rows(F, at, follows, recalls):
 
 @njit(cache=True, error_model="numpy")
 def drive_wobble(P, at, follows, recalls):
-    """Covariance when each state of the wobble has taken its part of the one that drives it."""
+    """Covariance when the mean has taken its part of the wobble, and the wobble its part of what drives it."""
     w, u, m = at[B_WOBBLE], at[B_SWAY], at[B_MEAN]
     for i in range(follows.size):
         for j in range(P.shape[0]):

@@ -141,7 +141,9 @@ def backward(first, last, travel, span, noise, buffers, adjoint, information, sm
             odometer_step(row, x, axes, change, tilt, D)
             odometer_rows(row, x, at, axes, change, tilt, D, J)
             lead(row, x, at, reckoned or row[GAP] > 0.0, axes, J, F)
-            process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R[k], axes, decay, follows, recalls, Q, shared)
+            process(
+                row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R[k], axes, decay, follows, recalls, Q, shared
+            )
             follow_rows(F, at, follows, recalls)
             if learns:
                 for i in range(n):

@@ -29,13 +29,13 @@ ROUNDS, ITERATIONS, MOST_STEP = 6, 12, 2.5  # a round lets a logarithm go so far
 # Noise of the velocity within an epoch moves the tool as well, and the filter lets it begin at the epoch's end; errors of a wheel
 # last longer than an epoch. A noise of the displacement below these parts of the usual one would stand for these only.
 LEAST_PART, LEAST_ALONG = 0.08, 0.04
+LEAST_MEAN_M = 10.0  # a shorter mean would only be one more shape of the components
 
 # What is expected of a tool: spreads of logarithms of powers and variances before the data have spoken
 WOBBLE_SPREAD, SHAPE_SPREAD = 2.0, 2.0  # of the wobble's variances against a usual tool's; of neighbours, and of right and up
 RIDE_SPREAD, ALONG_SPREAD, REST_SPREAD = 3.0, 3.0, 3.0
 BIAS_SPREAD = 2.0  # of the correlation times of the biases
-MEAN_SPREAD = 1.5  # of the lengths of the mean
-LEAST_MEAN_M = 10.0
+MEAN_SPREAD = 1.5  # of the length of the wobble's mean
 
 
 @dataclass(frozen=True)
@@ -91,8 +91,9 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
     marks: the inertial unit is the witness. Its slopes are exact and come from one smoothing pass, so that a quasi-Newton search
     needs some tens of passes. A broad prior holds what the data cannot see: long waves on a short line, or under a poor unit.
 
-    The components of the wobble have fixed lengths: their variances alone are sought, and the sum has any spectrum that does not
-    fall towards long waves and does not rise faster than the fourth power of the wavelength.
+    The components of the wobble have fixed lengths: their variances are sought, and the length over which their sum is about zero
+    in the mean. So the spectrum rises towards long waves, with the fourth power of the wavelength at most, and falls beyond the
+    length of the mean with its square.
 
     A displacement beyond `OUTLIER` sigma is left out, and the search begun anew, until the same ones are out. (To count it at a
     bound instead rewards a small sigma as soon as many lie beyond: with the heading lost in a gap the noise then collapsed.)
@@ -125,10 +126,14 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
     return apply(problem, noise)
 
 
-def wobble_spectrum(variance: Floats, wavelength: Floats) -> Floats:
-    """Return the two-sided power spectral density (radian² m) of the wobble at wavelengths (m), right and up: (wavelength, 2)."""
-    lengths = np.array(WOBBLE_LENGTHS_M)
-    return 4.0 * lengths / (1.0 + (2.0 * np.pi * lengths / np.asarray(wavelength, float)[:, None]) ** 2) ** 2 @ variance
+def wobble_spectrum(variance: Floats, mean: Floats, wavelength: Floats) -> Floats:
+    """Return the two-sided power spectral density (radian² m) of the wobble at wavelengths (m), right and up: (wavelength, 2).
+
+    ``variance`` (component, 2) of the components, ``mean`` (2,) length of the mean that is taken off (m).
+    """
+    lengths, k = np.array(WOBBLE_LENGTHS_M), 2.0 * np.pi / np.asarray(wavelength, float)[:, None]
+    kept = 1.0 - 1.0 / (1.0 + (k * mean) ** 2)
+    return kept * (4.0 * lengths / (1.0 + (k * lengths) ** 2) ** 2 @ variance)
 
 
 def apply(problem: Problem, noise: Noise) -> Problem:
@@ -226,10 +231,13 @@ def _prior(x: Floats, usual: Floats) -> tuple[float, Floats]:
 def _tell(noise: Noise) -> None:
     edges = np.array([10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0])
     waves = np.geomspace(edges[0], edges[-1], 501)
-    S = wobble_spectrum(noise.wobble, waves)
+    S = wobble_spectrum(noise.wobble, noise.mean, waves)
     bands = [(waves >= a) & (waves <= b) for a, b in pairwise(edges)]
     rms = [np.degrees(np.sqrt(-2.0 * np.trapezoid(S[b], 1.0 / waves[b], axis=0))) for b in bands]
-    log.info("wobble of the tool in bands %s m: right %s, up %s degree; ride %.1e, %.1e m²/m; odometer's sigma x %.2f; "
-             "biases stand for %.0f, %.0f s; rest %.1e m", "-".join(f"{e:.0f}" for e in edges),
-             *(" ".join(f"{r[c]:.3f}" for r in rms) for c in (0, 1)), *noise.ride, math.sqrt(noise.along), *noise.bias_s,
-             math.sqrt(noise.rest))  # fmt: skip
+    right, up = (" ".join(f"{r[c]:.3f}" for r in rms) for c in (0, 1))
+    log.info(
+        "wobble of the tool in bands %s m: right %s, up %s degree, about zero in the mean over %.0f, %.0f m; "
+        "ride %.1e, %.1e m²/m; odometer's sigma x %.2f; biases stand for %.0f, %.0f s; rest %.1e m",
+        *("-".join(f"{e:.0f}" for e in edges), right, up, *noise.mean),
+        *(*noise.ride, math.sqrt(noise.along), *noise.bias_s, math.sqrt(noise.rest)),
+    )

@@ -93,6 +93,6 @@ def slopes(problem: Problem, buffers: Buffers) -> Slopes:
         here = model.ride_states(axis)
         pushed = push[np.ix_(here, here)]
         for component in range(u.size // 2):
-            drive[u[2 * component + axis]] += 0.5 * float(np.sum(pushed * model.ride_covariance(component, axis)))
+            drive[u[2 * component + axis]] += 0.5 * float(np.sum(pushed * model.ride_covariance(axis, component)))
         recalled[axis] += 0.5 * float(np.sum(pushed * model.ride_slope(axis)))
     return Slopes(float(out.score.sum()), pull, drive, recalled)
