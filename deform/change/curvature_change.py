@@ -68,10 +68,11 @@ def _noise(base, there, stated, step, speeds, stable):
     """Squared factors on the stated sigma by speed step of each run, noise floors (1/m), and what bends add; from a sample of the
     pipe.
     """
-    at = np.arange(1, base.size - 1, sample_step(base.size))
+    thin = sample_step(base.size)
+    at = slice(1, -1, thin)
     k, change, still = base[at], there[at] - base[at], stable[at]
-    formal = np.hypot(stated[0][at], stated[1][at]) if stated is not None else np.ones(at.size)
-    slope = (base[at + 1] - base[at - 1]) / (2.0 * step)
+    formal = np.hypot(stated[0][at], stated[1][at]) if stated is not None else np.ones(k.size)
+    slope = (base[2::thin] - base[:-2:thin]) / (2.0 * step)
     with np.errstate(invalid="ignore", divide="ignore"):
         straight = still & (0.5 * np.abs(k + there[at]) < 4.0 * spread(change[still]))
         ratio = change / formal

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -67,13 +67,17 @@ def write_run(run: xr.DataTree, path: Path) -> Path:
     return path
 
 
-def read_run(path: Path, groups: Iterable[str] | None = None) -> xr.DataTree:
-    """Read a run into memory, all groups or the named ones (those that exist).
+def read_run(
+    path: Path, groups: Iterable[str] | None = None, variables: Mapping[str, Iterable[str]] | None = None
+) -> xr.DataTree:
+    """Read a run into memory, all groups or the named ones (those that exist), and close the file.
 
     Parameters
     ----------
     path : of the run.
     groups : names of the groups that are wanted, None for all.
+    variables : of the groups that are named here these variables only, besides their coordinates; ``encoding["source"]`` of
+        such a group is the path, by which `read_scans` reads a piece of a wall map.
 
     Raises
     ------
@@ -88,7 +92,7 @@ def read_run(path: Path, groups: Iterable[str] | None = None) -> xr.DataTree:
         with xr.open_datatree(path, engine=engine(path), decode_times=False, **further) as tree:
             schema.check_version(tree.attrs, str(path))
             wanted = [n for n in tree.children if groups is None or n in set(groups)]
-            children = {n: xr.DataTree(_clean(tree[n].to_dataset().load())) for n in wanted}
+            children = {n: xr.DataTree(_loaded(tree[n].to_dataset(), path, (variables or {}).get(n))) for n in wanted}
             return xr.DataTree(xr.Dataset(attrs=tree.attrs), children=children)
     except InputError:
         raise
@@ -96,6 +100,23 @@ def read_run(path: Path, groups: Iterable[str] | None = None) -> xr.DataTree:
         raise InputError(
             Fault(str(path), "", f"cannot be opened as a run ({fault})", "it may be cut off: write it again")
         ) from fault
+
+
+def _loaded(ds: xr.Dataset, path: Path, names: Iterable[str] | None) -> xr.Dataset:
+    if names is None:
+        return _clean(ds.load())
+    part = _clean(ds[[name for name in names if name in ds]].load())
+    part.encoding["source"] = str(path)
+    return part
+
+
+def read_scans(path: Path, scans: slice) -> xr.Dataset:
+    """Return some scans of the group ``/caliper`` of a run; the file is opened for them and closed again."""
+    try:
+        with xr.open_dataset(path, engine=engine(path), group="caliper", decode_times=False) as wall:
+            return wall.isel(scan=scans).load().drop_encoding()
+    except (OSError, KeyError, ValueError) as fault:
+        raise InputError(Fault(str(path), "caliper", f"cannot be read ({fault})", "it was there before: run again")) from fault
 
 
 def read_wall(path: Path, chainage: float, half_length: float) -> xr.Dataset | None:
@@ -160,7 +181,7 @@ def _encoding(group: str, ds: xr.Dataset) -> dict[str, dict[str, Any]]:
     for name, variable in ds.variables.items():
         if variable.dtype.kind not in "fiu" or not variable.ndim or not variable.size:
             continue
-        encoding[str(name)] = {"zlib": True, "complevel": 4, "shuffle": True}
+        encoding[str(name)] = {"zlib": True, "complevel": 1, "shuffle": True}
         step = known[str(name)].packed if name in known else None
         if step and np.nanmax(np.abs(variable.values), initial=0.0) < step * 2**31:
             encoding[str(name)] |= {"dtype": "int32", "scale_factor": step, "_FillValue": _INT32_FILL}
