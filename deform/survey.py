@@ -259,10 +259,9 @@ def stored_runs(folder: Path) -> list[xr.DataTree]:
 
 def _stored_run(path: Path) -> xr.DataTree:
     """A stored run without what no comparison reads; the radii of its wall map, the largest part, stay in the file."""
-    from deform.change.stack import CENTRELINE
+    from deform.change.stack import READ
 
-    groups = ("centreline", "caliper", "welds", "features", "markers", "dents")
-    return store.read_run(path, groups, {"centreline": CENTRELINE, "caliper": ("chainage", "reference_radius")})
+    return store.read_run(path, (*READ, "welds", "features", "markers", "dents"), READ)
 
 
 # ---- stage: for people -----------------------------------------------------------------------------

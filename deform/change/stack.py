@@ -17,7 +17,10 @@ Floats = NDArray[Any]
 POSITION = ("latitude", "longitude", "height")
 CURVATURE = ("curvature_horizontal", "curvature_vertical")
 _LINEAR = (*POSITION, *CURVATURE, *(f"{name}_sigma" for name in CURVATURE), "pitch", "speed", "ovality", "ovality_sigma")
-CENTRELINE = (*_LINEAR, "azimuth")  # what a comparison reads of a centreline
+READ = {  # what a comparison reads of the large groups of a run; the radii of a wall map it reads where it wants them
+    "centreline": (*_LINEAR, "azimuth"),
+    "caliper": ("chainage", "clock", "reference_radius"),
+}
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,12 @@ def engine(path: Path) -> str:
     return "zarr" if Path(path).suffix == ".zarr" else "netcdf4"
 
 
+def _as_written(path: Path) -> dict[str, Any]:
+    """How xarray opens what `write_run` wrote."""
+    way = {"engine": engine(path), "decode_times": False}
+    return way | {"consolidated": False} if Path(path).suffix == ".zarr" else way
+
+
 def write_run(run: xr.DataTree, path: Path) -> Path:
     """Validate a run and write it: netCDF-4, or Zarr when the path ends in ``.zarr``."""
     schema.validate_run(run)
@@ -88,8 +94,7 @@ def read_run(
     if not path.exists():
         raise InputError(Fault(str(path), "", "no such file"))
     try:
-        further: dict[str, Any] = {"consolidated": False} if path.suffix == ".zarr" else {}
-        with xr.open_datatree(path, engine=engine(path), decode_times=False, **further) as tree:
+        with xr.open_datatree(path, **_as_written(path)) as tree:
             schema.check_version(tree.attrs, str(path))
             wanted = [n for n in tree.children if groups is None or n in set(groups)]
             children = {n: xr.DataTree(_loaded(tree[n].to_dataset(), path, (variables or {}).get(n))) for n in wanted}
@@ -113,7 +118,7 @@ def _loaded(ds: xr.Dataset, path: Path, names: Iterable[str] | None) -> xr.Datas
 def read_scans(path: Path, scans: slice) -> xr.Dataset:
     """Return some scans of the group ``/caliper`` of a run; the file is opened for them and closed again."""
     try:
-        with xr.open_dataset(path, engine=engine(path), group="caliper", decode_times=False) as wall:
+        with xr.open_dataset(path, group="caliper", **_as_written(path)) as wall:
             return wall.isel(scan=scans).load().drop_encoding()
     except (OSError, KeyError, ValueError) as fault:
         raise InputError(Fault(str(path), "caliper", f"cannot be read ({fault})", "it was there before: run again")) from fault
@@ -125,7 +130,7 @@ def read_wall(path: Path, chainage: float, half_length: float) -> xr.Dataset | N
     Only the scans of the window are read. None when the run has no wall map, or fewer than five scans there.
     """
     try:
-        with xr.open_dataset(path, engine=engine(path), group="caliper", decode_times=False) as wall:
+        with xr.open_dataset(path, group="caliper", **_as_written(path)) as wall:
             places = np.asarray(wall["chainage"].values, float)
             first, last = np.searchsorted(places, [chainage - half_length, chainage + half_length])
             return wall.isel(scan=slice(int(first), int(last))).load().drop_encoding() if last - first >= _LEAST_SCANS else None

@@ -55,6 +55,20 @@ def test_only_the_groups_asked_for_are_read(run, tmp_path):
     assert set(store.read_run(path, groups=["welds"]).children) == {"welds"}
 
 
+@pytest.mark.parametrize("end", [".nc", ".zarr"])
+def test_only_the_variables_asked_for_are_read_and_scans_come_from_the_file(run, tmp_path, end):
+    path = store.write_run(run, tmp_path / f"run{end}")
+    lean = store.read_run(path, variables={"centreline": ("pitch", "ovality"), "caliper": ("chainage", "clock")})
+    assert set(lean["centreline"].to_dataset().variables) == {"chainage", "pitch"}
+    assert set(lean["caliper"].to_dataset().variables) == {"chainage", "clock"}
+    assert set(lean["welds"].data_vars) == set(run["welds"].data_vars)
+    assert lean["caliper"].to_dataset().encoding["source"] == str(path)
+    scans = store.read_scans(path, slice(10, 13))
+    np.testing.assert_allclose(scans["radius"].values, run["caliper"]["radius"].values[10:13], atol=0.51e-6)
+    with pytest.raises(InputError, match=r"gone.*caliper: cannot be read"):
+        store.read_scans(tmp_path / f"gone{end}", slice(0, 5))
+
+
 def test_all_faults_of_a_run_are_listed_at_once(run):
     welds = run["welds"].to_dataset()
     welds["chainage"] = ("weld", [13.2, 1.0], {"units": "ft"})
