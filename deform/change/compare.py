@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +21,7 @@ from deform.change.ovality_change import ovality_table
 from deform.change.pair import PairChange, PairSearch
 from deform.change.reroute import told_by_geometry
 from deform.change.stack import POSITION, Layer, layer, reference_axis, run_day, run_id, tangents
+from deform.change.threads import cores
 from deform.change.zone_table import zone_table
 from deform.errors import Fault, InputError
 from deform.options import ChangeOptions
@@ -99,25 +101,9 @@ def compare(
     diameter = _diameter(runs, ground, remarks)
     axes = tangents(ground, axis) if ground.has(*POSITION) or ground.has("azimuth", "pitch") else None
     values = _Values(len(runs), axis.size)
-    searches: list[tuple[int, PairSearch]] = []
-    before = None
-    for k, run in enumerate(runs):
-        if names[k] == reference:
-            values.reference(k, ground)
-            before = ground
-            continue
-        other = layer(run, matching.maps[names[k]], axis)
-        remarks += _what_is_missing(ground, other)
-        values.place(k, other)
-        if axes is not None:
-            order = names.index(reference), k
-            searches.append((k, _search(ground, other, axis, axes, matching, options, order)))
-            if before is not None and before is not ground:
-                searches.append((k, _search(before, other, axis, axes, matching, options, (k - 1, k))))
-        before = other
-        tick(0.8 * (k + 1) / len(runs))
-    del before
-    pairs, steps = _finish(searches, values, diameter, reference)
+    with ThreadPoolExecutor(cores()) as pool:
+        searches = _searched(pool, runs, matching, (axis, axes), ground, values, remarks, options, tick)
+        pairs, steps = _finish(pool, searches, values, diameter, reference)
     tick(0.9)
     return _comparison(runs, matching, options, tick, values, (pairs, steps), axis, ground, diameter, remarks)
 
@@ -145,6 +131,32 @@ def _comparison(runs, matching, options, tick, values, changes, axis, ground, di
     return Comparison(dataset, zones, dents, joints, limits, ovality, edits, tuple(remarks))
 
 
+def _searched(pool, runs, matching, place, ground, values, remarks, options, tick) -> list[tuple[int, PairSearch]]:
+    """Every run searched for what changed since the reference run and since the run before, several pairs at a time."""
+    names = [run_id(run) for run in runs]
+    first = names.index(ground.run)
+    begun: list[tuple[int, Future[PairSearch]]] = []
+    before = None
+    for k, run in enumerate(runs):
+        if k == first:
+            values.reference(k, ground)
+            before = ground
+            continue
+        other = layer(run, matching.maps[names[k]], place[0])
+        remarks += _what_is_missing(ground, other)
+        values.place(k, other)
+        if place[1] is not None:
+            begun.append((k, pool.submit(_search, ground, other, *place, matching, options, (first, k))))
+            if before is not None and before is not ground:
+                begun.append((k, pool.submit(_search, before, other, *place, matching, options, (k - 1, k))))
+        before = other
+    found = []
+    for k, search in begun:
+        found.append((k, search.result()))
+        tick(0.7 * len(found) / len(begun))
+    return found
+
+
 def _search(
     ground: Layer, other: Layer, axis: Floats, axes: Any, matching: Any, options: ChangeOptions, order: tuple[int, int]
 ) -> PairSearch:
@@ -160,18 +172,18 @@ def _search(
 
 
 def _finish(
-    searches: list[tuple[int, PairSearch]], values: _Values, diameter: float, reference: str
+    pool: ThreadPoolExecutor, searches: list[tuple[int, PairSearch]], values: _Values, diameter: float, reference: str
 ) -> tuple[list[PairChange], list[PairChange]]:
     """Changes since the reference run and since the run before, on datums that what moved in any run has no part in; each
     search is let go when it is done.
     """
     moving = [stretch for _, search in searches for stretch in search.excluded]
+    ends = [(k, pool.submit(search.finish_clear_of, moving)) for k, search in searches]
+    searches.clear()
     pairs: list[PairChange] = []
     steps: list[PairChange] = []
-    while searches:
-        k, search = searches.pop(0)
-        search.keep_clear(moving)
-        pair = search.finish()
+    for k, end in ends:
+        pair = end.result()
         if pair.reference == reference:
             values.change(k, pair, diameter)
             pairs.append(pair)

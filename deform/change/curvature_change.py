@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from deform.change import _kernels
 from deform.change.noise_floor import bend_terms, sample_step, speed_noise, spread
 from deform.change.stack import Layer
+from deform.change.threads import in_parts
 
 Floats = NDArray[Any]
 COMPONENTS = ("horizontal", "vertical")
@@ -59,8 +60,8 @@ def curvature_change(
     tables, floors, a, b = _noise(base, there, stated, step, speeds, stable)
     change, sigma = np.empty(base.size), np.empty(base.size)
     ones = stated if stated is not None else (base, base)
-    given = (base, there, *ones, stated is not None, *speeds, *tables, other.run_chainage_sigma, a, b, step, change, sigma)
-    _kernels.curvature_difference(*given)
+    given = (base, there, *ones, stated is not None, *speeds, *tables, other.run_chainage_sigma, a, b, step)
+    in_parts(base.size, lambda first, last: _kernels.curvature_difference(*given, first, last, change, sigma))
     return CurvatureChange(change, sigma, floors)
 
 

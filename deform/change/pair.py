@@ -149,12 +149,13 @@ class PairSearch:
         self._join()
         self.noise, self.waves = [wave.noise for wave in self.waves], []  # the amplitudes of a long line are large
 
-    def keep_clear(self, stretches: list[tuple[float, float]]) -> None:
-        """Take stretches that moved in another run out of the datum of this one as well, and fit it anew."""
+    def finish_clear_of(self, stretches: list[Stretch]) -> PairChange:
+        """Return the change on a datum from which stretches that moved in another run are taken as well."""
         own = len(self.excluded)
         self.excluded += [(a, b) for a, b in stretches if not any(c <= a and b <= d for c, d in self.excluded)]
         if len(self.excluded) > own and (self.curvature or self.has_position):
             self._settle()
+        return self.finish()
 
     def finish(self) -> PairChange:
         """Return the change with its sigma on the datum as it stands."""

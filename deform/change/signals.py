@@ -93,7 +93,7 @@ class Nodes:
         right = mean[:, 3:6] / np.maximum(np.linalg.norm(mean[:, 3:6], axis=1, keepdims=True), 1e-9)
         lift = mean[:, 6:9].copy()
         value, shift = (np.ascontiguousarray(np.nan_to_num(part).T) for part in (mean[:, :3], np.cross(lift, right)))
-        unknown = ~np.isfinite(mean[:, :3]).all(axis=1)
+        unknown = np.asarray(~np.isfinite(mean[:, :3]).all(axis=1))
         unknown[:1] = unknown[-1:] = True
         still = mean[:, 10] > 0.99
         return cls(size, size * signals.step, mean[:, 9].copy(), still, unknown, value, shift, right, lift)

@@ -120,8 +120,8 @@ def _deflections(
     # two lines led on to the weld: four times the variance of a mean over the side, the errors of both sides being half common
     sigma = 2.0 * max(stated_turn_sigma(line[name], 0.5 * _SIDE_M) for name in ("azimuth", "pitch"))
     gauge = float(line["curvature_horizontal"].attrs["gauge_length_m"])
-    names = ("chainage", "azimuth", "pitch")
-    right, up = jumps(*(line[name].values for name in names), np.array([place for place, _ in points]))
+    chainage, azimuth, pitch = (line[name].values for name in ("chainage", "azimuth", "pitch"))
+    right, up = jumps(chainage, azimuth, pitch, np.array([place for place, _ in points]))
     angle = np.hypot(right, up)
     return [
         {
