@@ -137,6 +137,37 @@ def block_means(values, size, out):
             out[i, c] = total / count if 2 * count >= size else np.nan
 
 
+@numba.njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
+def _weighted(values, first, weights):
+    total = 0.0
+    for k in range(weights.size):
+        total += weights[k] * values[first + k]
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy", nogil=True)
+def weighted_across(value, axis, weights, gone, out):
+    """Weighted sum of vectors (3, m) about each place along the axis (m, 3) there, NaN where ``gone``; the weights, odd in number,
+    must not reach beyond the ends elsewhere.
+    """
+    half = weights.size // 2
+    for i in range(out.size):
+        out[i] = np.nan
+        if not gone[i]:
+            total = 0.0
+            for c in range(3):
+                if axis[i, c] != 0.0:  # the lateral axis is level
+                    total += axis[i, c] * _weighted(value[c], i - half, weights)
+            out[i] = total
+
+
+@numba.njit(cache=True, error_model="numpy", nogil=True)
+def weighted_every(values, weights, size, out):
+    """Weighted sum about the middle of each ``size`` places; ``values`` has half the weights' number added at both ends."""
+    for i in range(out.size):
+        out[i] = _weighted(values, i * size + size // 2, weights)
+
+
 @numba.njit(cache=True, error_model="numpy", nogil=True)
 def curvature_difference(
     before,

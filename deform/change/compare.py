@@ -265,6 +265,7 @@ class _Values:
     def __init__(self, epochs: int, size: int):
         self.shape = (epochs, size)
         self.arrays: dict[str, Floats] = {}
+        self.filled: dict[str, set[int]] = {}
         self.zero: int | None = None
         self.stable = np.zeros(self.shape, bool)
 
@@ -272,8 +273,9 @@ class _Values:
         for key, row in ((name, values), (f"{name}_sigma", sigma)):
             if row is not None:
                 if key not in self.arrays:
-                    self.arrays[key] = np.full(self.shape, np.nan)
+                    self.arrays[key], self.filled[key] = np.empty(self.shape), set()
                 self.arrays[key][k] = row
+                self.filled[key].add(k)
 
     def reference(self, k: int, ground: Layer) -> None:
         self.zero = k
@@ -296,10 +298,9 @@ class _Values:
         self._put("ovality_change", k, pair.ovality, pair.ovality_sigma)
 
     def dataset(self, names: list[str], runs: list[xr.DataTree], axis: Floats, reference: str, gauge: float) -> xr.Dataset:
-        if self.zero is not None:
-            for name, array in self.arrays.items():
-                if not name.startswith("run_chainage"):
-                    array[self.zero] = 0.0
+        for name, array in self.arrays.items():
+            for k in set(range(self.shape[0])) - self.filled[name]:
+                array[k] = 0.0 if k == self.zero and not name.startswith("run_chainage") else np.nan
         dates = [str(run.attrs.get("date", "")) for run in runs]
         values = {"epoch": names, "date": dates, "chainage": axis, **self.arrays}
         if any(name.startswith(("displacement", "curvature")) for name in self.arrays):

@@ -243,11 +243,11 @@ class PairSearch:
         if self.datum is not None:
             gone = inside(self.place, self.excluded) | ~np.isfinite(difference).all(axis=1)
             difference = np.where((gone & between(~gone))[:, None], self.datum.drift, difference)
-        blank = np.full(self.axis.size, np.nan)
-        parts = [self.curvature.get(name) for name in ("horizontal", "vertical")]
-        ok = self.usable & ~inside(self.axis, self.excluded)
-        change = self._coarse(np.column_stack([np.where(ok, c.change, np.nan) if c else blank for c in parts]))
-        sigma = self._coarse(np.column_stack([np.where(ok, c.sigma, np.nan) if c else blank for c in parts]))
+        change, sigma = np.full((2, self.place.size, 2), np.nan)
+        for m, name in enumerate(("horizontal", "vertical")):
+            if (known := self.curvature.get(name)) is not None:
+                for into, part in ((change, known.change), (sigma, known.sigma)):
+                    into[:, m] = self._coarse(np.where(self.stable, part, np.nan)[:, None])[:, 0]
         _, right, lift = self.scan_axes
         return Signals(self.place, difference, right, lift, change, sigma, self.other.gauge_length)
 

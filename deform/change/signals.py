@@ -87,13 +87,18 @@ class Nodes:
     @classmethod
     def of(cls, signals: Signals, quiet: Floats, size: int) -> Nodes:
         """The signals over pieces of so many places; ``quiet`` (n,) is true where the pipe may serve for the noise floor."""
-        columns = np.column_stack([signals.difference, signals.right, signals.lift, signals.place, quiet])
-        mean = np.empty((len(columns) // size, columns.shape[1]))
-        _kernels.block_means(columns, size, mean)
-        right = mean[:, 3:6] / np.maximum(np.linalg.norm(mean[:, 3:6], axis=1, keepdims=True), 1e-9)
-        lift = mean[:, 6:9].copy()
-        value, shift = (np.ascontiguousarray(np.nan_to_num(part).T) for part in (mean[:, :3], np.cross(lift, right)))
-        unknown = np.asarray(~np.isfinite(mean[:, :3]).all(axis=1))
+        count = signals.place.size // size
+        difference, right, lift = (_means(part, size) for part in (signals.difference, signals.right, signals.lift))
+        right /= np.maximum(np.sqrt(np.einsum("ij,ij->i", right, right)), 1e-9)[:, None]
+        value, shift = (np.ascontiguousarray(np.nan_to_num(part).T) for part in (difference, np.cross(lift, right)))
+        unknown = np.asarray(~np.isfinite(difference).all(axis=1))
         unknown[:1] = unknown[-1:] = True
-        still = mean[:, 10] > 0.99
-        return cls(size, size * signals.step, mean[:, 9].copy(), still, unknown, value, shift, right, lift)
+        place, still = (part[: count * size].reshape(count, size) for part in (signals.place, quiet))
+        return cls(size, size * signals.step, place.mean(axis=1), still.all(axis=1), unknown, value, shift, right, lift)
+
+
+def _means(values: Floats, size: int) -> Floats:
+    """Means of the rows of so many places (m, columns), NaN where fewer than half are known."""
+    out = np.empty((len(values) // size, values.shape[1]))
+    _kernels.block_means(np.ascontiguousarray(values), size, out)
+    return out

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deform.change import _kernels
 from deform.change.datum import DriftModel
 from deform.change.noise_floor import spread
 from deform.change.signals import Nodes, Signals
@@ -248,9 +249,7 @@ def _from_position(node: Nodes, model: DriftModel, length: float) -> tuple[Float
     gone = _near(node.unknown, pair[0].size // 2)
     for into, source in ((out, node.value), (shifted, node.shift)):
         for m, (weights, axis) in enumerate(zip(pair, (node.right, node.lift), strict=True)):
-            across = [k for k in range(3) if axis[:, k].any()]  # the lateral axis is level
-            into[:, m] = sum(np.correlate(source[k], weights, mode="same") * axis[:, k] for k in across)
-        into[gone] = np.nan
+            _kernels.weighted_across(source, axis, weights, gone, into[:, m])
     return out, shifted
 
 
@@ -274,8 +273,9 @@ def _from_curvature(signals: Signals, length: float, size: int, count: int) -> t
 
 def _correlated(values: Floats, shape: Floats, size: int, count: int) -> Floats:
     """Sum of values times a shape of odd length about the middle of each piece, nothing beyond the ends of the values."""
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, shape.size // 2), shape.size)
-    return np.einsum("ij,j->i", windows[size // 2 :: size][:count], shape)
+    out = np.empty(count)
+    _kernels.weighted_every(np.pad(values, shape.size // 2), shape, size, out)
+    return out
 
 
 def _spread(values: Floats, free: Floats) -> float:
