@@ -147,8 +147,9 @@ def _weighted(values, first, weights):
 
 @numba.njit(cache=True, error_model="numpy", nogil=True)
 def weighted_across(value, axis, weights, gone, out):
-    """Weighted sum of vectors (3, m) about each place along the axis (m, 3) there, NaN where ``gone``; the weights, odd in number,
-    must not reach beyond the ends elsewhere.
+    """Weighted sum of vectors (3, m) about each place along the axis (m, 3) there, NaN where ``gone``.
+
+    The weights are odd in number, and must not reach beyond the ends elsewhere.
     """
     half = weights.size // 2
     for i in range(out.size):
