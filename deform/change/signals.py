@@ -93,8 +93,10 @@ class Nodes:
         value, shift = (np.ascontiguousarray(np.nan_to_num(part).T) for part in (difference, np.cross(lift, right)))
         unknown = np.asarray(~np.isfinite(difference).all(axis=1))
         unknown[:1] = unknown[-1:] = True
-        place, still = (part[: count * size].reshape(count, size) for part in (signals.place, quiet))
-        return cls(size, size * signals.step, place.mean(axis=1), still.all(axis=1), unknown, value, shift, right, lift)
+        place, still = (part[: count * size].reshape(count, size) for part in (signals.place, np.asarray(quiet)))
+        return cls(
+            size, size * signals.step, place.mean(axis=1), np.asarray(still.all(axis=1)), unknown, value, shift, right, lift
+        )
 
 
 def _means(values: Floats, size: int) -> Floats:
