@@ -61,7 +61,7 @@ def curvature_change(
     change, sigma = np.empty(base.size), np.empty(base.size)
     ones = stated if stated is not None else (base, base)
     given: tuple[Any, ...] = (base, there, *ones, stated is not None, *speeds, *tables, other.run_chainage_sigma, a, b, step)
-    in_parts(base.size, lambda first, last: _kernels.curvature_difference(*given, first, last, change, sigma))
+    in_parts(base.size, lambda first, last: _kernels.curvature_difference(*(*given, first, last, change, sigma)))
     return CurvatureChange(change, sigma, floors)
 
 
