@@ -1,6 +1,6 @@
 """False alarms and power of the search for movement, against what the toolkit states: made lines, no movement and known movement.
 
-    python -m benchmarks.change_power [--kilometres 200] [--lines 40] [--figure out.png]
+    python -m benchmarks.change_power [--kilometres 200] [--lines 40] [--tool 'tactical grade'] [--figure out.png]
 
 Movements are of two kinds: of 0.1, 0.2 and 0.5 m, and of the sizes that are found with a chance of 0.25, 0.5 and 0.75 by the
 detection limits of a pair of runs without movement (`tables/limits.csv`), so that the middle of the curve is seen. A share found
@@ -136,19 +136,21 @@ def main() -> None:
     parser.add_argument("--kilometres", type=float, default=200.0)
     parser.add_argument("--rate", type=float, default=ChangeOptions().false_alarms_per_100_km)
     parser.add_argument("--lines", type=int, default=40, help="lines of 40 km with movements, for each tool")
+    parser.add_argument("--tool", choices=tuple(TOOLS), action="append", help="may be repeated; default all")
     parser.add_argument("--figure", type=Path, default=None)
     arguments = parser.parse_args()
     logging.disable(logging.CRITICAL)
+    tools = arguments.tool or list(TOOLS)
     if arguments.kilometres:
-        for name, errors in TOOLS.items():
+        for name in tools:
             for rate in (arguments.rate, 1000.0 * arguments.rate):
-                found, allowed = false_alarms(arguments.kilometres, rate, errors)
+                found, allowed = false_alarms(arguments.kilometres, rate, TOOLS[name])
                 print(
                     f"{name}: {arguments.kilometres:g} km, rate {rate:g} in 100 km: {found} false alarms, {allowed:g} allowed",
                     flush=True,
                 )
     rows = {}
-    for name in ("navigation grade", "tactical grade") if arguments.lines else ():
+    for name in [tool for tool in tools if arguments.lines and tool != "no slow heading error"]:
         rows[name] = table(power(TOOLS[name], arguments.lines))
         for size, predicted, share, error, n in rows[name]:
             print(f"{name}: {size}: found {share:.2f} of {n}, predicted {predicted:.2f} +- {error:.2f}", flush=True)

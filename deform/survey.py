@@ -170,7 +170,7 @@ def compare_runs(survey: Survey, ledger: Ledger, paths: list[Path], key: str) ->
     compare_key = key_of(match_key, chosen["change"], chosen["trend"])
     if ledger.done("match", match_key) and ledger.done("compare", compare_key):
         return
-    runs = [store.read_run(path) for path in paths]
+    runs = [_stored_run(path) for path in paths]
     with ledger.stage("match", match_key) as record:
         matching = match(runs, survey.options, reference=survey.reference, locks=survey.locks, folder=survey.folder)
         ledger.outputs(record, [survey.folder / "tables" / "welds.csv"])  # compare completes the joints and the edits
@@ -243,7 +243,7 @@ def _in_order(survey: Survey, paths: list[Path]) -> list[Path]:
 
 
 def stored_runs(folder: Path) -> list[xr.DataTree]:
-    """The runs of an output folder, by date.
+    """The runs of an output folder, by date, with what the matching and the comparison read of them.
 
     Raises
     ------
@@ -253,8 +253,15 @@ def stored_runs(folder: Path) -> list[xr.DataTree]:
     paths = sorted((folder / "runs").glob("*.nc"))
     if not paths:
         raise InputError(Fault(str(folder), "runs", "holds no run", "process runs first: deform process RAW --out FOLDER"))
-    runs = [store.read_run(path) for path in paths]
+    runs = [_stored_run(path) for path in paths]
     return sorted(runs, key=lambda run: str(run.attrs.get("date", "")))
+
+
+def _stored_run(path: Path) -> xr.DataTree:
+    """A stored run without what no comparison reads; the radii of its wall map, the largest part, stay in the file."""
+    from deform.change.stack import READ
+
+    return store.read_run(path, (*READ, "welds", "features", "markers", "dents"), READ)
 
 
 # ---- stage: for people -----------------------------------------------------------------------------

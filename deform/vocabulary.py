@@ -126,6 +126,5 @@ def _partner(variable: Variable) -> Variable:
         positive=None,
         range=(0.0, float("inf")),
         required=False,
-        packed=None,
         sigma_of=variable.name,
     )

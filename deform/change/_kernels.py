@@ -1,4 +1,4 @@
-"""Jitted loops of the change room: arrays in, arrays out, SI and radian, no validation."""
+"""Jitted loops of the change room: arrays in, arrays out, SI and radian, no validation; free of the interpreter's lock."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", nogil=True)
 def drift_filter(place, tangent, right, lift, value, noise, used, walk, state, cover, ahead_state, ahead_cover):
     """Run the drift of a pair of runs forward along the pipe; return minus twice the log likelihood of the used nodes.
 
@@ -50,7 +50,7 @@ def drift_filter(place, tangent, right, lift, value, noise, used, walk, state, c
     return score
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", nogil=True)
 def _predict(x, c, ds, tangent, right, lift, walk):
     """Carry the drift over a stretch of pipe: position turns with relative heading, pitch and scale."""
     f = np.zeros((3, 3))
@@ -81,7 +81,7 @@ def _predict(x, c, ds, tangent, right, lift, walk):
         c[m + 3, m + 3] += walk[m] * ds
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", nogil=True)
 def drift_smooth(place, tangent, right, lift, state, cover, ahead_state, ahead_cover):
     """Turn filtered moments into smoothed ones, in place (Rauch–Tung–Striebel)."""
     n = place.shape[0]
@@ -121,7 +121,7 @@ def drift_smooth(place, tangent, right, lift, state, cover, ahead_state, ahead_c
                 cover[k, j, i] = cover[k, i, j]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", nogil=True)
 def block_means(values, size, out):
     """Mean of the finite values of each block of ``size`` rows; NaN when fewer than half are finite."""
     n, columns = out.shape
@@ -137,7 +137,39 @@ def block_means(values, size, out):
             out[i, c] = total / count if 2 * count >= size else np.nan
 
 
-@numba.njit(cache=True, error_model="numpy", parallel=True)
+@numba.njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
+def _weighted(values, first, weights):
+    total = 0.0
+    for k in range(weights.size):
+        total += weights[k] * values[first + k]
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy", nogil=True)
+def weighted_across(value, axis, weights, gone, out):
+    """Weighted sum of vectors (3, m) about each place along the axis (m, 3) there, NaN where ``gone``.
+
+    The weights are odd in number, and must not reach beyond the ends elsewhere.
+    """
+    half = weights.size // 2
+    for i in range(out.size):
+        out[i] = np.nan
+        if not gone[i]:
+            total = 0.0
+            for c in range(3):
+                if axis[i, c] != 0.0:  # the lateral axis is level
+                    total += axis[i, c] * _weighted(value[c], i - half, weights)
+            out[i] = total
+
+
+@numba.njit(cache=True, error_model="numpy", nogil=True)
+def weighted_every(values, weights, size, out):
+    """Weighted sum about the middle of each ``size`` places; ``values`` has half the weights' number added at both ends."""
+    for i in range(out.size):
+        out[i] = _weighted(values, i * size + size // 2, weights)
+
+
+@numba.njit(cache=True, error_model="numpy", nogil=True)
 def curvature_difference(
     before,
     after,
@@ -152,15 +184,18 @@ def curvature_difference(
     fraction,
     shift,
     step,
+    first,
+    last,
     change,
     sigma,
 ):
-    """Change of curvature and its sigma in one pass: f² (σ₁² + σ₂²) + (a k)² + (b² + σ_map²) (dk/ds)².
+    """Change of curvature and its sigma from place ``first`` to before ``last``, in one pass: f² (σ₁² + σ₂²) + (a k)² + (b² +
+    σ_map²) (dk/ds)².
 
     f² = ``table_before`` at the speed step of the first run + ``table_after`` at that of the second.
     """
     n = before.shape[0]
-    for i in numba.prange(n):
+    for i in range(first, last):
         change[i] = after[i] - before[i]
         square = table_before[speed_before[i]] + table_after[speed_after[i]]
         if stated:
@@ -176,7 +211,7 @@ def curvature_difference(
         sigma[i] = np.sqrt(square + fraction * fraction * k * k)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", nogil=True)
 def explained(place, change, weight, starts, ends, shortest, shapes, out):
     """Fill out (starts, ends) with the chi-square that shapes between each start and end explain, both components at once.
 
@@ -218,7 +253,7 @@ def explained(place, change, weight, starts, ends, shortest, shapes, out):
             out[i, j] = total
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", nogil=True)
 def _quadratic(a, b):
     """B' A⁻¹ b of a symmetric matrix, given by its lower triangle and overwritten; directions without weight count nothing."""
     n = b.shape[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +21,7 @@ from deform.change.ovality_change import ovality_table
 from deform.change.pair import PairChange, PairSearch
 from deform.change.reroute import told_by_geometry
 from deform.change.stack import POSITION, Layer, layer, reference_axis, run_day, run_id, tangents
+from deform.change.threads import cores
 from deform.change.zone_table import zone_table
 from deform.errors import Fault, InputError
 from deform.options import ChangeOptions
@@ -99,25 +101,9 @@ def compare(
     diameter = _diameter(runs, ground, remarks)
     axes = tangents(ground, axis) if ground.has(*POSITION) or ground.has("azimuth", "pitch") else None
     values = _Values(len(runs), axis.size)
-    searches: list[tuple[int, PairSearch]] = []
-    before = None
-    for k, run in enumerate(runs):
-        if names[k] == reference:
-            values.reference(k, ground)
-            before = ground
-            continue
-        other = layer(run, matching.maps[names[k]], axis)
-        remarks += _what_is_missing(ground, other)
-        values.place(k, other)
-        if axes is not None:
-            order = names.index(reference), k
-            searches.append((k, _search(ground, other, axis, axes, matching, options, order)))
-            if before is not None and before is not ground:
-                searches.append((k, _search(before, other, axis, axes, matching, options, (k - 1, k))))
-        before = other
-        tick(0.8 * (k + 1) / len(runs))
-    del before
-    pairs, steps = _finish(searches, values, diameter, reference)
+    with ThreadPoolExecutor(cores()) as pool:
+        searches = _searched(pool, runs, matching, (axis, axes), ground, values, remarks, options, tick)
+        pairs, steps = _finish(pool, searches, values, diameter, reference)
     tick(0.9)
     return _comparison(runs, matching, options, tick, values, (pairs, steps), axis, ground, diameter, remarks)
 
@@ -145,6 +131,32 @@ def _comparison(runs, matching, options, tick, values, changes, axis, ground, di
     return Comparison(dataset, zones, dents, joints, limits, ovality, edits, tuple(remarks))
 
 
+def _searched(pool, runs, matching, place, ground, values, remarks, options, tick) -> list[tuple[int, PairSearch]]:
+    """Every run searched for what changed since the reference run and since the run before, several pairs at a time."""
+    names = [run_id(run) for run in runs]
+    first = names.index(ground.run)
+    begun: list[tuple[int, Future[PairSearch]]] = []
+    before = None
+    for k, run in enumerate(runs):
+        if k == first:
+            values.reference(k, ground)
+            before = ground
+            continue
+        other = layer(run, matching.maps[names[k]], place[0])
+        remarks += _what_is_missing(ground, other)
+        values.place(k, other)
+        if place[1] is not None:
+            begun.append((k, pool.submit(_search, ground, other, *place, matching, options, (first, k))))
+            if before is not None and before is not ground:
+                begun.append((k, pool.submit(_search, before, other, *place, matching, options, (k - 1, k))))
+        before = other
+    found = []
+    for k, search in begun:
+        found.append((k, search.result()))
+        tick(0.7 * len(found) / len(begun))
+    return found
+
+
 def _search(
     ground: Layer, other: Layer, axis: Floats, axes: Any, matching: Any, options: ChangeOptions, order: tuple[int, int]
 ) -> PairSearch:
@@ -160,18 +172,18 @@ def _search(
 
 
 def _finish(
-    searches: list[tuple[int, PairSearch]], values: _Values, diameter: float, reference: str
+    pool: ThreadPoolExecutor, searches: list[tuple[int, PairSearch]], values: _Values, diameter: float, reference: str
 ) -> tuple[list[PairChange], list[PairChange]]:
     """Changes since the reference run and since the run before, on datums that what moved in any run has no part in; each
     search is let go when it is done.
     """
     moving = [stretch for _, search in searches for stretch in search.excluded]
+    ends = [(k, pool.submit(search.finish_clear_of, moving)) for k, search in searches]
+    searches.clear()
     pairs: list[PairChange] = []
     steps: list[PairChange] = []
-    while searches:
-        k, search = searches.pop(0)
-        search.keep_clear(moving)
-        pair = search.finish()
+    for k, end in ends:
+        pair = end.result()
         if pair.reference == reference:
             values.change(k, pair, diameter)
             pairs.append(pair)
@@ -253,6 +265,7 @@ class _Values:
     def __init__(self, epochs: int, size: int):
         self.shape = (epochs, size)
         self.arrays: dict[str, Floats] = {}
+        self.filled: dict[str, set[int]] = {}
         self.zero: int | None = None
         self.stable = np.zeros(self.shape, bool)
 
@@ -260,8 +273,9 @@ class _Values:
         for key, row in ((name, values), (f"{name}_sigma", sigma)):
             if row is not None:
                 if key not in self.arrays:
-                    self.arrays[key] = np.full(self.shape, np.nan)
+                    self.arrays[key], self.filled[key] = np.empty(self.shape), set()
                 self.arrays[key][k] = row
+                self.filled[key].add(k)
 
     def reference(self, k: int, ground: Layer) -> None:
         self.zero = k
@@ -284,10 +298,9 @@ class _Values:
         self._put("ovality_change", k, pair.ovality, pair.ovality_sigma)
 
     def dataset(self, names: list[str], runs: list[xr.DataTree], axis: Floats, reference: str, gauge: float) -> xr.Dataset:
-        if self.zero is not None:
-            for name, array in self.arrays.items():
-                if not name.startswith("run_chainage"):
-                    array[self.zero] = 0.0
+        for name, array in self.arrays.items():
+            for k in set(range(self.shape[0])) - self.filled[name]:
+                array[k] = 0.0 if k == self.zero and not name.startswith("run_chainage") else np.nan
         dates = [str(run.attrs.get("date", "")) for run in runs]
         values = {"epoch": names, "date": dates, "chainage": axis, **self.arrays}
         if any(name.startswith(("displacement", "curvature")) for name in self.arrays):

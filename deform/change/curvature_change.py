@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from deform.change import _kernels
 from deform.change.noise_floor import bend_terms, sample_step, speed_noise, spread
 from deform.change.stack import Layer
+from deform.change.threads import in_parts
 
 Floats = NDArray[Any]
 COMPONENTS = ("horizontal", "vertical")
@@ -59,8 +60,8 @@ def curvature_change(
     tables, floors, a, b = _noise(base, there, stated, step, speeds, stable)
     change, sigma = np.empty(base.size), np.empty(base.size)
     ones = stated if stated is not None else (base, base)
-    given = (base, there, *ones, stated is not None, *speeds, *tables, other.run_chainage_sigma, a, b, step, change, sigma)
-    _kernels.curvature_difference(*given)
+    given: tuple[Any, ...] = (base, there, *ones, stated is not None, *speeds, *tables, other.run_chainage_sigma, a, b, step)
+    in_parts(base.size, lambda first, last: _kernels.curvature_difference(*(*given, first, last, change, sigma)))
     return CurvatureChange(change, sigma, floors)
 
 
@@ -68,10 +69,11 @@ def _noise(base, there, stated, step, speeds, stable):
     """Squared factors on the stated sigma by speed step of each run, noise floors (1/m), and what bends add; from a sample of the
     pipe.
     """
-    at = np.arange(1, base.size - 1, sample_step(base.size))
+    thin = sample_step(base.size)
+    at = slice(1, -1, thin)
     k, change, still = base[at], there[at] - base[at], stable[at]
-    formal = np.hypot(stated[0][at], stated[1][at]) if stated is not None else np.ones(at.size)
-    slope = (base[at + 1] - base[at - 1]) / (2.0 * step)
+    formal = np.hypot(stated[0][at], stated[1][at]) if stated is not None else np.ones(k.size)
+    slope = (base[2::thin] - base[:-2:thin]) / (2.0 * step)
     with np.errstate(invalid="ignore", divide="ignore"):
         straight = still & (0.5 * np.abs(k + there[at]) < 4.0 * spread(change[still]))
         ratio = change / formal

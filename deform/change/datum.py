@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deform.change import _kernels
-from deform.geometry.resample import robust_sigma
+from deform.geometry.resample import spread_about_zero
 
 Floats = NDArray[Any]
 _LAGS = (90.0, 130.0, 190.0, 280.0, 400.0)  # m, where the second difference shows the drift
@@ -93,7 +93,7 @@ def _spread(value: Floats, axis: Floats, lag: int) -> float:
         return float("nan")
     second = np.einsum("ij,ij->i", second_difference(value, lag), axis[lag:-lag])
     second = second[np.isfinite(second)]
-    return float(robust_sigma(np.concatenate([second, -second]))) if second.size > 4 else float("nan")
+    return spread_about_zero(second) if second.size > 4 else float("nan")
 
 
 def fit_drift(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from deform.geometry.resample import robust_sigma
+from deform.run import store
 from deform.units import wrap_degree
 
 Floats = NDArray[Any]
@@ -23,6 +25,7 @@ def patch(
 
     Depth is the undamaged radius minus the radius, less the median of the pipe beside it at the same clock, so that ovality
     and the tool's place in the pipe are no depth. Empty arrays where the run has no wall map.
+    A run that was read without its radii gives them from its file.
     """
     empty = np.empty(0), np.empty(0), np.empty((0, 0))
     if "caliper" not in run.children or "clock" not in run["caliper"].to_dataset().variables:
@@ -30,7 +33,7 @@ def patch(
     wall = run["caliper"].to_dataset()
     reach = half_length + _FLANK
     window = slice(*np.searchsorted(wall["chainage"].values, [chainage - reach, chainage + reach]))
-    wall = wall.isel(scan=window)
+    wall = wall.isel(scan=window) if "radius" in wall else store.read_scans(Path(wall.encoding["source"]), window)
     along = np.asarray(wall["chainage"].values, float) - chainage
     near = np.abs(along) <= half_length
     beside = ~near

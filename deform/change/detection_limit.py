@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
-from scipy.stats import ncx2
+from scipy.special import chndtr
 
 from deform.change.axial_zones import strings_of
 from deform.change.joint_change import Elongation
 from deform.change.noise_floor import class_name
 from deform.change.pair import PairChange
+from deform.change.wavelength import WaveNoise
 
 Floats = NDArray[Any]
 
@@ -60,7 +61,7 @@ def detectable(sigma: float, limit: float, probability: float) -> float:
 
 @lru_cache(maxsize=64)
 def _non_centrality(limit: float, probability: float) -> float:
-    return float(brentq(lambda n: ncx2.sf(limit, 2, n) - probability, 1e-9, 4.0 * limit + 100.0))
+    return float(brentq(lambda n: 1.0 - chndtr(limit, 2.0, n) - probability, 1e-9, 4.0 * limit + 100.0))
 
 
 def limit_rows(pair: PairChange, outside_diameter: float) -> list[dict]:
@@ -94,10 +95,10 @@ def joint_rows(reference: str, run: str, elongation: Elongation, false_alarms_pe
     return rows
 
 
-def _wave_row(wave, m: int, component: str, limit: float, outside_diameter: float) -> dict:
+def _wave_row(wave: WaveNoise, m: int, component: str, limit: float, outside_diameter: float) -> dict:
     sigma = float(wave.typical[m])
     half, sure = (detectable(sigma, limit * wave.caution[m] ** 2, probability) for probability in (0.5, 0.9))
-    position, curvature = _median(wave.position_sigma[:, m]), _median(wave.curvature_sigma[:, m])
+    position, curvature = (np.nan_to_num(part[m], nan=np.inf) for part in (wave.position, wave.curvature))
     return {
         "quantity": "displacement",
         "component": component,
@@ -108,10 +109,5 @@ def _wave_row(wave, m: int, component: str, limit: float, outside_diameter: floa
         "limit_90_displacement_m": sure,
         "limit_strain_change": float(peak_curvature(half, wave.length) * outside_diameter / 2.0),
         "limit_axial_strain": float(mean_elongation(half, wave.length)),
-        "decided_by": "position" if np.nan_to_num(position, nan=np.inf) <= np.nan_to_num(curvature, nan=np.inf) else "curvature",
+        "decided_by": "position" if position <= curvature else "curvature",
     }
-
-
-def _median(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else float("nan")

@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import nnls
 
 from deform.geometry.resample import MAD_TO_SIGMA
@@ -62,7 +62,8 @@ def spread(values: Floats) -> float:
     size = np.abs(values[np.isfinite(values)])
     if size.size < 8:
         return float("nan")
-    return float(max(MAD_TO_SIGMA * np.median(size), np.quantile(size, 0.95) / 1.959964))
+    half, most = np.quantile(size, (0.5, 0.95))
+    return float(max(MAD_TO_SIGMA * half, most / 1.959964))
 
 
 @dataclass(frozen=True)
@@ -111,29 +112,31 @@ def speed_noise(values: Floats, reference_step: Floats, other_step: Floats, stab
         nothing = np.full(SPEEDS + 1, np.nan)
         return SpeedNoise(nothing, nothing, {-1: whole})
     steps = reference_step[good], other_step[good]
-    first, second = (whole**2 * table for table in _tables(*steps, values[good] / whole))
+    held = [np.bincount(part, minlength=SPEEDS + 1) for part in steps]
+    first, second = (whole**2 * table for table in _tables(*steps, held, values[good] / whole))
     floors = {-1: whole}
-    for number in np.unique(_CLASS_OF[np.concatenate(steps)]):
-        own = [part[_CLASS_OF[part] == number] for part in steps]
-        if number >= 0 and min(part.size for part in own) > max(_LEAST_SHARE * good.sum(), 50):
-            floors[int(number)] = float(np.sqrt(first[own[0]].mean() + second[own[1]].mean()))
+    for number in range(len(SPEED_EDGES) + 1):
+        own = [np.where(number == _CLASS_OF, count, 0) for count in held]
+        if min(count.sum() for count in own) > max(_LEAST_SHARE * good.sum(), 50):
+            shares = (table @ count / count.sum() for table, count in zip((first, second), own, strict=True))
+            floors[number] = float(np.sqrt(sum(shares)))
     return SpeedNoise(first, second, floors)
 
 
-def _tables(a: Floats, b: Floats, v: Floats) -> tuple[Floats, Floats]:
-    """Variance at every speed step of each run, the whole being one."""
-    cells, shapes = ([work(part) for part in (a, b)] for work in (_cells_of, _shapes))
-    number = cells[0] * (_CELLS + 1) + cells[1]
-    members = [np.flatnonzero(number == cell) for cell in np.unique(number)]
-    squares = np.array([spread(v[chosen]) ** 2 for chosen in members])
-    members = [chosen for chosen, square in zip(members, squares, strict=True) if square > 0]
-    squares, sizes = squares[squares > 0], np.array([float(chosen.size) for chosen in members])
+def _tables(a: Floats, b: Floats, held: list[Floats], v: Floats) -> tuple[Floats, Floats]:
+    """Variance at every speed step of each run, the whole being one; ``held`` counts the places of each step of both runs."""
+    cells, shapes = ([work(count) for count in held] for work in (_cells_of, _shapes))
+    number = cells[0][a] * (_CELLS + 1) + cells[1][b]
+    sizes = np.bincount(number, minlength=(_CELLS + 1) ** 2)
+    by_cell = np.split(v[np.argsort(number, kind="stable")], np.cumsum(sizes)[:-1])
+    squares = np.array([spread(members) ** 2 for members in by_cell])
+    used = np.flatnonzero(squares > 0)
+    squares, sizes = squares[used], sizes[used].astype(float)
+    rows = np.hstack([_counts(number, part)[used] @ shapes[m] / sizes[:, None] for m, part in enumerate((a, b))])
+    width = rows.shape[1]
     low, high = _ends(squares, sizes)
     least, most = _LEAST_PART * min(low, 1.0), high / _LEAST_PART
     squares = np.minimum(squares, most)
-    width = sum(part.shape[1] for part in shapes)
-    means = [shapes[m][part[chosen]].mean(axis=0) for chosen in members for m, part in enumerate((a, b))]
-    rows = np.concatenate([*means, []]).reshape(-1, width)
     lean = _LEAN * np.sqrt(v.size) * np.eye(width)  # what the cells leave open is shared evenly
     even = lean.diagonal() * (1.0 - least) / width
     fitted = squares
@@ -157,22 +160,37 @@ def _ends(squares: Floats, sizes: Floats) -> tuple[float, float]:
     return low, high
 
 
-def _cells_of(step: Floats) -> Floats:
-    """Number of the quantile cell of each speed, `_CELLS` where it is not known."""
-    known = step < SPEEDS
-    edges = np.unique(np.quantile(step[known], np.linspace(0, 1, _CELLS + 1)[1:-1])) if known.any() else np.array([])
-    return np.where(known, np.searchsorted(edges, step, side="right"), _CELLS)
+def _counts(number: Floats, step: Floats) -> Floats:
+    """How many places each cell holds of each speed step, (cells, SPEEDS + 1)."""
+    cells = (_CELLS + 1) ** 2
+    return np.bincount(number * (SPEEDS + 1) + step, minlength=cells * (SPEEDS + 1)).reshape(cells, SPEEDS + 1)
 
 
-def _shapes(step: Floats) -> Floats:
+def _quantiles(count: Floats, parts: ArrayLike) -> Floats:
+    """Quantiles of speed steps of which so many places hold each, as `numpy.quantile` of the places gives them."""
+    total = np.cumsum(count)
+    at = np.asarray(parts, float) * (total[-1] - 1)
+    low = np.floor(at).astype(int)
+    below, above = (np.searchsorted(total, np.minimum(k, total[-1] - 1), side="right") for k in (low, low + 1))
+    return below + (at - low) * (above - below)
+
+
+def _cells_of(count: Floats) -> Floats:
+    """Number of the quantile cell of each speed step, `_CELLS` where it is not known."""
+    known = count[:SPEEDS]
+    edges = np.unique(_quantiles(known, np.linspace(0, 1, _CELLS + 1)[1:-1])) if known.any() else np.array([])
+    return np.append(np.searchsorted(edges, np.arange(SPEEDS), side="right"), _CELLS).astype(np.uint16)
+
+
+def _shapes(count: Floats) -> Floats:
     """Powers of the speed over its median, (SPEEDS + 1, powers); an unknown speed takes their mean over the run."""
-    known = step[step < SPEEDS].astype(int)
-    if not known.size:
+    known = count[:SPEEDS]
+    if not known.any():
         return np.ones((SPEEDS + 1, 1))
-    at = np.clip(np.arange(SPEEDS), *np.quantile(known, _REACH))
-    ratio = 2.0 ** ((at - np.median(known)) / _PER_OCTAVE)
+    at = np.clip(np.arange(SPEEDS), *_quantiles(known, _REACH))
+    ratio = 2.0 ** ((at - _quantiles(known, 0.5)) / _PER_OCTAVE)
     powers = ratio[:, None] ** np.array(_POWERS)
-    return np.vstack([powers, powers[known].mean(axis=0)])
+    return np.vstack([powers, known @ powers / known.sum()])
 
 
 def bend_terms(change: Floats, base: Floats, curvature: Floats, slope: Floats, stable: Floats) -> tuple[float, float]:

@@ -12,15 +12,16 @@ from deform.change import _kernels, zones
 from deform.change.bridge import Bridges
 from deform.change.curvature_change import CurvatureChange, curvature_change
 from deform.change.datum import Datum, drift_model, fit_drift
-from deform.change.intervals import between, clear_of, inside
+from deform.change.intervals import Stretch, between, clear_of, inside, merged
 from deform.change.joint_change import Elongation
 from deform.change.noise_floor import speed_noise, speed_step, spread
 from deform.change.position_change import displacement_on, finer, noise_about_datum, raw_difference
 from deform.change.running_mean import running_mean
-from deform.change.stack import Layer
+from deform.change.signals import Signals
+from deform.change.stack import POSITION, Layer
 from deform.change.support import find_support
-from deform.change.wavelength import Signals, Waves, scan, wavelengths
-from deform.geometry.resample import robust_sigma
+from deform.change.wavelength import WaveNoise, Waves, scan, wavelengths, with_tails
+from deform.geometry.resample import spread_about_zero
 from deform.options import ChangeOptions
 
 Floats = NDArray[Any]
@@ -38,8 +39,8 @@ class PairChange:
     ----------
     run, reference : names. displacement, displacement_sigma : (n, 5) east, north, up, lateral, axial (m), or None without
     positions. curvature : change of each component, or None. ovality, ovality_sigma : (n,) or None. stable : (n,) true where
-    the pipe serves as datum. candidates : stretches that changed. waves : the amplitudes of each wavelength after the zones
-    were taken out. floors : noise floor by quantity and speed class. limit : threshold on twice the log likelihood ratio.
+    the pipe serves as datum. candidates : stretches that changed. waves : noise of the amplitudes of each wavelength after the
+    zones were taken out. floors : noise floor by quantity and speed class. limit : threshold on twice the log likelihood ratio.
     order : places of the reference and of the run among the runs of the line, the earliest first; dates are not needed for it,
     and a run may have none. datum, bridges : drift of the two runs on the scan axis and what it is worth over pipe without
     datum, None without positions.
@@ -54,7 +55,7 @@ class PairChange:
     ovality_sigma: Floats | None
     stable: Floats
     candidates: list[zones.Candidate]
-    waves: list[Waves]
+    waves: list[WaveNoise]
     floors: dict[str, dict[int, float]]
     limit: float
     order: tuple[int, int] = (0, 1)
@@ -108,7 +109,8 @@ class PairSearch:
         difference = raw_difference(reference, other)
         usable = other.valid & reference.valid & ~inside(axis, edits, options.edit_margin_m)
         self.elongation, self.order = elongation, order
-        self.reference, self.other, self.axis, self.options = reference, other, axis, options
+        self.reference, self.other = (run.without(*POSITION, "azimuth", "pitch", "speed") for run in (reference, other))
+        self.axis, self.options = axis, options
         self.axes, self.difference, self.usable = axes, difference, usable
         self.speeds = speed_step(reference.values.get("speed"), axis.size), speed_step(other.values.get("speed"), axis.size)
         self.step = float(axis[1] - axis[0])
@@ -120,7 +122,9 @@ class PairSearch:
         self.lengths = wavelengths(options.shortest_wavelength_m, options.longest_wavelength_m, axis[-1] - axis[0])
         self.limit = zones.threshold(self.lengths, options.false_alarms_per_100_km, elongation is not None)
         self.found: list[zones.Candidate] = []
-        self.excluded: list[tuple[float, float]] = []
+        self.excluded: list[Stretch] = []
+        self.settled: list[Stretch] | None = None  # the stretches that the curvature, the drift
+        self.scanned: list[Stretch] | None = None  # and the waves are without
         self.spent: list[zones.Candidate] = []
         self.stable = usable.copy()
         self.curvature: dict[str, CurvatureChange] = {}
@@ -128,6 +132,7 @@ class PairSearch:
         self.bridges: Bridges | None = None
         self.signals: Signals | None = None
         self.waves: list[Waves] = []
+        self.noise: list[WaveNoise] = []
         self.has_position = bool(np.isfinite(self.scan_difference).any())
 
     def run(self) -> None:
@@ -142,13 +147,15 @@ class PairSearch:
                 break
         self._verify()
         self._join()
+        self.noise, self.waves = [wave.noise for wave in self.waves], []  # the amplitudes of a long line are large
 
-    def keep_clear(self, stretches: list[tuple[float, float]]) -> None:
-        """Take stretches that moved in another run out of the datum of this one as well, and fit it anew."""
+    def finish_clear_of(self, stretches: list[Stretch]) -> PairChange:
+        """Return the change on a datum from which stretches that moved in another run are taken as well."""
         own = len(self.excluded)
         self.excluded += [(a, b) for a, b in stretches if not any(c <= a and b <= d for c, d in self.excluded)]
         if len(self.excluded) > own and (self.curvature or self.has_position):
             self._settle()
+        return self.finish()
 
     def finish(self) -> PairChange:
         """Return the change with its sigma on the datum as it stands."""
@@ -167,7 +174,7 @@ class PairSearch:
             ovality_sigma=ovality_sigma,
             stable=self.stable,
             candidates=self.found,
-            waves=self.waves,
+            waves=self.noise,
             floors=floors,
             limit=self.limit,
             order=self.order,
@@ -204,7 +211,10 @@ class PairSearch:
         return out
 
     def _settle(self) -> None:
-        """Changes of curvature, and the drift of the two runs, with what is excluded out of both."""
+        """Changes of curvature, and the drift of the two runs, with what is excluded out of both; nothing when they are so."""
+        if self.settled == (excluded := merged(self.excluded)):
+            return
+        self.settled = excluded
         self.stable = self.usable & ~inside(self.axis, self.excluded)
         for name in ("horizontal", "vertical"):
             change = curvature_change(self.reference, self.other, name, self.step, self.speeds, self.stable)
@@ -217,9 +227,15 @@ class PairSearch:
             self.datum = fit_drift(self.place, self.scan_difference, self.scan_axes, stable, self.model)
 
     def _scan(self, *, tails: bool = False) -> None:
-        self.signals = self._signals()
-        quiet = self.scan_usable & ~inside(self.place, self.excluded)
-        self.waves = scan(self.signals, self.model, self.lengths, quiet, reach=np.sqrt(self.limit), tails=tails)
+        """Amplitudes of all wavelengths on what is settled; nothing but their tails when they are known."""
+        reach = float(np.sqrt(self.limit))
+        if self.scanned != self.settled:
+            self.signals = self._signals()
+            quiet = self.scan_usable & ~inside(self.place, self.excluded)
+            self.waves = scan(self.signals, self.model, self.lengths, quiet, reach=reach)
+            self.scanned = self.settled
+        if tails:
+            self.waves = with_tails(self.waves, reach)
 
     def _signals(self) -> Signals:
         """Differences for the search; where nothing is known, or a zone is explained already, the drift stands in."""
@@ -227,11 +243,11 @@ class PairSearch:
         if self.datum is not None:
             gone = inside(self.place, self.excluded) | ~np.isfinite(difference).all(axis=1)
             difference = np.where((gone & between(~gone))[:, None], self.datum.drift, difference)
-        blank = np.full(self.axis.size, np.nan)
-        parts = [self.curvature.get(name) for name in ("horizontal", "vertical")]
-        ok = self.usable & ~inside(self.axis, self.excluded)
-        change = self._coarse(np.column_stack([np.where(ok, c.change, np.nan) if c else blank for c in parts]))
-        sigma = self._coarse(np.column_stack([np.where(ok, c.sigma, np.nan) if c else blank for c in parts]))
+        change, sigma = np.full((2, self.place.size, 2), np.nan)
+        for m, name in enumerate(("horizontal", "vertical")):
+            if (known := self.curvature.get(name)) is not None:
+                for into, part in ((change, known.change), (sigma, known.sigma)):
+                    into[:, m] = self._coarse(np.where(self.stable, part, np.nan)[:, None])[:, 0]
         _, right, lift = self.scan_axes
         return Signals(self.place, difference, right, lift, change, sigma, self.other.gauge_length)
 
@@ -272,7 +288,7 @@ class PairSearch:
         if count < 8:
             return np.ones(2)
         means = z[: count * size].reshape(count, size, 2).mean(axis=1) * np.sqrt(size * signals.step / gauge)
-        found = np.array([robust_sigma(np.concatenate([means[:, m], -means[:, m]])) for m in range(2)])
+        found = np.array([spread_about_zero(means[:, m]) for m in range(2)])
         return np.where(np.isfinite(found), np.maximum(found, 0.3), 1.0)
 
     def _absorb(self, c: zones.Candidate) -> bool:

@@ -39,15 +39,18 @@ def along_pipe(east_north_up: Floats, tangent: Floats, right: Floats) -> tuple[F
     east_north_up : (n, 3) displacement (m).
     tangent, right : (n, 3) axes of the reference pipe, see `stack.tangents`.
     """
-    level = np.maximum(np.linalg.norm(right, axis=1), 1e-9)
-    return np.einsum("ij,ij->i", east_north_up, right) / level, np.einsum("ij,ij->i", east_north_up, tangent)
+    return np.einsum("ij,ij->i", east_north_up, right) / _level(right), np.einsum("ij,ij->i", east_north_up, tangent)
 
 
 def along_pipe_sigma(sigma: Floats, tangent: Floats, right: Floats) -> tuple[Floats, Floats]:
     """Return the sigma of the lateral and the axial part from those of east, north, up (n, 3), taken as independent."""
-    level = np.maximum(np.linalg.norm(right, axis=1), 1e-9)
-    lateral = np.sqrt(np.einsum("ij,ij->i", sigma**2, right**2)) / level
-    return lateral, np.sqrt(np.einsum("ij,ij->i", sigma**2, tangent**2))
+    lateral, axial = (np.sqrt(np.einsum("ij,ij,ij,ij->i", sigma, sigma, axis, axis)) for axis in (right, tangent))
+    return lateral / _level(right), axial
+
+
+def _level(right: Floats) -> Floats:
+    """Length of the level axis across the pipe (n,), never zero."""
+    return np.maximum(np.hypot(right[:, 0], right[:, 1]), 1e-9)
 
 
 def displacement_on(
@@ -75,7 +78,7 @@ def displacement_on(
         sigma[gone] = np.sqrt(sigma[gone] ** 2 + bridge) * bridges.factor(end - start)
     lateral, axial = along_pipe(moved, axes[0], axes[1])
     across, along = along_pipe_sigma(sigma, axes[0], axes[1])
-    return np.column_stack([moved, lateral, axial]), np.column_stack([sigma, across, along])
+    return np.stack([*moved.T, lateral, axial]).T, np.stack([*sigma.T, across, along]).T
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,20 +16,11 @@ from deform.geometry.resample import interpolate, regular_grid
 Floats = NDArray[Any]
 POSITION = ("latitude", "longitude", "height")
 CURVATURE = ("curvature_horizontal", "curvature_vertical")
-_LINEAR = (
-    *POSITION,
-    *CURVATURE,
-    *(f"{name}_sigma" for name in CURVATURE),
-    "east_sigma",
-    "north_sigma",
-    "up_sigma",
-    "azimuth_sigma",
-    "pitch_sigma",
-    "pitch",
-    "speed",
-    "ovality",
-    "ovality_sigma",
-)
+_LINEAR = (*POSITION, *CURVATURE, *(f"{name}_sigma" for name in CURVATURE), "pitch", "speed", "ovality", "ovality_sigma")
+READ = {  # what a comparison reads of the large groups of a run; the radii of a wall map it reads where it wants them
+    "centreline": (*_LINEAR, "azimuth"),
+    "caliper": ("chainage", "clock", "reference_radius"),
+}
 
 
 @dataclass(frozen=True)
@@ -58,6 +49,10 @@ class Layer:
     def has(self, *names: str) -> bool:
         """True when the run holds every one of the variables."""
         return all(name in self.values for name in names)
+
+    def without(self, *names: str) -> Layer:
+        """The run without some of its variables."""
+        return replace(self, values={name: value for name, value in self.values.items() if name not in names})
 
 
 def run_id(run: xr.DataTree) -> str:

@@ -196,12 +196,13 @@ class _Fit:
 
 def _nodes(place, change, sigma, middle, reach) -> tuple[Floats, Floats, Floats] | None:
     """Means over equal stretches of a window, and the square roots of their weights; None where nothing is known."""
-    window = (place > middle - reach) & (place < middle + reach)
-    if window.sum() < 8:
+    first, last = np.searchsorted(place, middle - reach, side="right"), np.searchsorted(place, middle + reach)
+    if last - first < 8:
         return None
     size = max(int(2.0 * reach / _NODES / (place[1] - place[0]) / 2.0), 1)
-    count = int(window.sum()) // size
-    columns = np.column_stack([place, change, sigma])[window][: count * size]
+    count = int(last - first) // size
+    window = slice(first, first + count * size)
+    columns = np.column_stack([place[window], change[window], sigma[window]])
     known = np.isfinite(columns[:, 1:3]) & (columns[:, 3:5] > 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         each = np.where(known, columns[:, 3:5] ** -2.0, 0.0).reshape(count, size, 2).sum(axis=1)

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
 
 from deform.change import _kernels
 from deform.change.datum import DriftModel
 from deform.change.noise_floor import spread
+from deform.change.signals import Nodes, Signals
 from deform.change.significance import caution_factor, few_looks_factor
-from deform.geometry.resample import robust_sigma
+from deform.geometry.resample import spread_about_zero
 
 Floats = NDArray[Any]
 COMPONENTS = ("lateral", "up")
@@ -37,8 +37,9 @@ class Waves:
     amplitude : (m, 2) best estimate of A, lateral and up (m).
     sigma : (m, 2) its standard deviation.
     position, curvature : (m, 2) the parts from position and from curvature alone, each with `_sigma`.
+    free : (m,) true where the wave lies in quiet pipe. looks : independent amplitudes there.
     typical : (2,) sigma over quiet pipe (m). caution : (2,) factor on the threshold of each component: its noise is known from
-        few places, and its tails are wider than normal.
+        few places, and its tails may be wider than normal (`with_tails`).
     """
 
     length: float
@@ -49,6 +50,8 @@ class Waves:
     position_sigma: Floats
     curvature: Floats
     curvature_sigma: Floats
+    free: Floats
+    looks: float
     typical: Floats
     caution: Floats
 
@@ -59,6 +62,28 @@ class Waves:
         """
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.nansum(np.where(self.sigma > 0, self.amplitude / (self.caution * self.sigma), np.nan) ** 2, axis=1)
+
+    @property
+    def noise(self) -> WaveNoise:
+        """What the amplitudes tell of the noise, without them."""
+        parts = [np.array([_middle(part[:, m]) for m in range(2)]) for part in (self.position_sigma, self.curvature_sigma)]
+        return WaveNoise(self.length, self.typical, self.caution, *parts)
+
+
+@dataclass(frozen=True)
+class WaveNoise:
+    """Noise of the amplitudes of one wavelength.
+
+    Attributes
+    ----------
+    length : wavelength (m). typical, caution : (2,) as in `Waves`. position, curvature : (2,) median sigma of each alone (m).
+    """
+
+    length: float
+    typical: Floats
+    caution: Floats
+    position: Floats
+    curvature: Floats
 
 
 def wavelengths(shortest: float, longest: float, line_length: float) -> Floats:
@@ -114,35 +139,7 @@ def curvature_shape(length: float, step: float, gauge_length: float) -> Floats:
     return -0.5 * (2.0 * np.pi / length) ** 2 * np.cos(2.0 * np.pi * x / length) * inside * loss
 
 
-@dataclass(frozen=True)
-class Signals:
-    """What the search for movement looks at, on the scan axis.
-
-    Attributes
-    ----------
-    place : (n,) regular scan axis (m).
-    difference : (n, 3) run minus reference, east, north, up (m); NaN where unknown.
-    right, lift : (n, 3) axes of the reference pipe.
-    curvature : (n, 2) change of horizontal and vertical curvature (1/m), NaN where unknown.
-    curvature_sigma : (n, 2) its standard deviation.
-    gauge_length : of the curvature (m).
-    """
-
-    place: Floats
-    difference: Floats
-    right: Floats
-    lift: Floats
-    curvature: Floats
-    curvature_sigma: Floats
-    gauge_length: float
-
-    @property
-    def step(self) -> float:
-        """Spacing of the scan axis (m)."""
-        return float(self.place[1] - self.place[0])
-
-
-def scan(signals: Signals, model: DriftModel, lengths: Floats, quiet: Floats, *, reach: float, tails: bool) -> list[Waves]:
+def scan(signals: Signals, model: DriftModel, lengths: Floats, quiet: Floats, *, reach: float) -> list[Waves]:
     """Return the amplitude of a movement of every wavelength at every place.
 
     Parameters
@@ -152,8 +149,6 @@ def scan(signals: Signals, model: DriftModel, lengths: Floats, quiet: Floats, *,
     lengths : wavelengths (m).
     quiet : (n,) true where the pipe may serve for the noise floor.
     reach : how far out the threshold lies (sigma).
-    tails : raise the threshold where the tails of the noise are wider than normal. While movements are still in the quiet pipe
-        they are its tails, and would hide themselves: leave it out then.
 
     Notes
     -----
@@ -161,39 +156,50 @@ def scan(signals: Signals, model: DriftModel, lengths: Floats, quiet: Floats, *,
     MAD) of the amplitudes themselves over the quiet pipe of this pair, and that of the combination is taken from the combination:
     position and curvature come from one inertial unit, and share errors.
     """
-    return [_wave(signals, model, float(length), quiet, reach, tails) for length in lengths]
+    nodes: dict[int, Nodes] = {}
+    found = []
+    for length in map(float, lengths):
+        size = max(int(length / _TAPS / signals.step), 1)
+        if size not in nodes:
+            nodes[size] = Nodes.of(signals, quiet, size)
+        found.append(_wave(signals, nodes[size], model, length, reach))
+    return found
 
 
-def _wave(signals: Signals, model: DriftModel, length: float, quiet: Floats, reach: float, tails: bool) -> Waves:
-    size = max(int(length / _TAPS / signals.step), 1)
-    step = size * signals.step
-    count = len(signals.place) // size
-    columns = np.column_stack([signals.difference, signals.right, signals.lift, signals.place, quiet])
-    node = np.empty((count, columns.shape[1]))
-    _kernels.block_means(columns, size, node)
-    at, still = node[:, 9], node[:, 10] > 0.99
-    position, shifted = _from_position(node, model, length, step)
-    curvature, weight = _from_curvature(signals, length, size, count)
-    free = still & ~_near(~still, round(0.5 * length / step))
+def with_tails(waves: list[Waves], reach: float) -> list[Waves]:
+    """Return waves with the threshold raised where the tails of the noise are wider than normal.
+
+    While movements are still in the quiet pipe they are its tails, and would hide themselves: not to be called then.
+    """
+    raised = []
+    for wave in waves:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            z = (wave.amplitude / wave.sigma)[wave.free]
+        raised.append(replace(wave, caution=np.array([caution_factor(z[:, m], wave.looks, reach) for m in range(2)])))
+    return raised
+
+
+def _wave(signals: Signals, node: Nodes, model: DriftModel, length: float, reach: float) -> Waves:
+    position, shifted = _from_position(node, model, length)
+    curvature, weight = _from_curvature(signals, length, node.size, node.place.size)
+    free = node.still & ~_near(~node.still, round(0.5 * length / node.step))
     with np.errstate(invalid="ignore", divide="ignore"):
         formal = 1.0 / np.sqrt(weight)
-        position_sigma = _position_sigma(position / _rougher(formal, free), shifted, free, np.sqrt(model.noise[2]))
-        position_sigma = position_sigma * _rougher(formal, free)
+        rougher = _rougher(formal, free)
+        position_sigma = _position_sigma(position / rougher, shifted, free, np.sqrt(model.noise[2])) * rougher
         curvature_sigma = formal * [_spread(curvature[:, m] / formal[:, m], free) for m in range(2)]
         known_p, known_c = (
             np.isfinite(a) & np.isfinite(s) for a, s in ((position, position_sigma), (curvature, curvature_sigma))
         )
-        wp, wc = np.where(known_p, position_sigma**-2.0, 0.0), np.where(known_c, curvature_sigma**-2.0, 0.0)
+        wp, wc = np.where(known_p, 1.0 / position_sigma**2, 0.0), np.where(known_c, 1.0 / curvature_sigma**2, 0.0)
         total = wp + wc
         amplitude = (np.where(known_p, position, 0.0) * wp + np.where(known_c, curvature, 0.0) * wc) / total
         sigma = 1.0 / np.sqrt(total)
         sigma = sigma * [_spread(amplitude[:, m] / sigma[:, m], free) for m in range(2)]
-        looks = _LOOKS * free.sum() * step / length
-        z = (amplitude / sigma)[free]
-        few = few_looks_factor(looks, reach)
-        caution = np.array([caution_factor(z[:, m], looks, reach) if tails else few for m in range(2)])
+    looks = _LOOKS * free.sum() * node.step / length
     typical = np.array([_middle(sigma[free, m]) for m in range(2)])
-    return Waves(length, at, amplitude, sigma, position, position_sigma, curvature, curvature_sigma, typical, caution)
+    parts = position, position_sigma, curvature, curvature_sigma
+    return Waves(length, node.place, amplitude, sigma, *parts, free, looks, typical, np.full(2, few_looks_factor(looks, reach)))
 
 
 def _middle(values: Floats) -> float:
@@ -229,53 +235,47 @@ def _position_sigma(position: Floats, shifted: Floats, free: Floats, axial: floa
     return out
 
 
-def _from_position(node: Floats, model: DriftModel, length: float, step: float) -> tuple[Floats, Floats]:
+def _from_position(node: Nodes, model: DriftModel, length: float) -> tuple[Floats, Floats]:
     """Amplitudes (m, 2) from positions, NaN within 1.5 wavelengths of unknown pipe, and those that a shift of both runs against
     each other of one metre along the pipe would show.
     """
-    out, shifted = np.full((len(node), 2), np.nan), np.full((len(node), 2), np.nan)
-    value = node[:, :3]
-    if not np.isfinite(value).any():
+    out, shifted = np.full((node.place.size, 2), np.nan), np.full((node.place.size, 2), np.nan)
+    if node.unknown.all():
         return out, shifted
-    unknown = np.asarray(~np.isfinite(value).all(axis=1))
-    right = node[:, 3:6] / np.maximum(np.linalg.norm(node[:, 3:6], axis=1, keepdims=True), 1e-9)
-    filled = np.column_stack([np.nan_to_num(value), np.nan_to_num(np.cross(node[:, 6:9], right))])
-    found = []
-    for walk, noise in ((model.walk[0], model.noise[0]), (model.walk[1], model.noise[1])):
-        weights = position_weights(length, step, walk, noise * model.step / step)
-        if weights.size > len(node):
-            return out, shifted
-        found.append(np.column_stack([fftconvolve(filled[:, m], weights[::-1], mode="same") for m in range(6)]))
-    half = weights.size // 2
-    unknown[:1] = unknown[-1:] = True
-    gone = _near(unknown, half)
-    for into, columns in ((out, slice(0, 3)), (shifted, slice(3, 6))):
-        into[:, 0] = np.einsum("ij,ij->i", found[0][:, columns], right)
-        into[:, 1] = np.einsum("ij,ij->i", found[1][:, columns], node[:, 6:9])
-        into[gone] = np.nan
+    step = node.step
+    pair = [position_weights(length, step, model.walk[m], model.noise[m] * model.step / step) for m in range(2)]
+    if pair[0].size > node.place.size:
+        return out, shifted
+    gone = _near(node.unknown, pair[0].size // 2)
+    for into, source in ((out, node.value), (shifted, node.shift)):
+        for m, (weights, axis) in enumerate(zip(pair, (node.right, node.lift), strict=True)):
+            _kernels.weighted_across(source, axis, weights, gone, into[:, m])
     return out, shifted
 
 
 def _from_curvature(signals: Signals, length: float, size: int, count: int) -> tuple[Floats, Floats]:
-    """Amplitudes (m, 2) from curvature and their formal weights (1/m²)."""
+    """Amplitudes (m, 2) from curvature and their formal weights (1/m²) in the middle of each of so many pieces."""
     amplitude, weight = np.full((count, 2), np.nan), np.full((count, 2), np.nan)
     if not np.isfinite(signals.curvature).any():
         return amplitude, weight
     shape = curvature_shape(length, signals.step, signals.gauge_length)
     if shape.size > len(signals.place):
         return amplitude, weight
-    centre = np.minimum(np.arange(count) * size + size // 2, len(signals.place) - 1)
     for m in range(2):
-        known = np.isfinite(signals.curvature[:, m]) & (signals.curvature_sigma[:, m] > 0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            each = np.where(known, signals.curvature_sigma[:, m] ** -2.0, 0.0)
-        top = fftconvolve(np.where(known, signals.curvature[:, m], 0.0) * each, shape[::-1], mode="same")[centre]
-        bottom = np.maximum(fftconvolve(each, shape**2, mode="same")[centre], 0.0)
-        full = np.sum(shape**2) * np.median(each[known]) if known.any() else np.inf
-        with np.errstate(invalid="ignore", divide="ignore"):
-            weight[:, m] = np.where(bottom > _LEAST_WEIGHT * full, bottom, np.nan)
+        top = _correlated(signals.weighted_curvature[:, m], shape, size, count)
+        bottom = _correlated(signals.curvature_weight[:, m], shape**2, size, count)
+        least = _LEAST_WEIGHT * np.sum(shape**2) * signals.usual_weight[m]
+        weight[:, m] = np.where(bottom > least, bottom, np.nan)
+        with np.errstate(invalid="ignore"):
             amplitude[:, m] = top / weight[:, m]
     return amplitude, weight
+
+
+def _correlated(values: Floats, shape: Floats, size: int, count: int) -> Floats:
+    """Sum of values times a shape of odd length about the middle of each piece, nothing beyond the ends of the values."""
+    out = np.empty(count)
+    _kernels.weighted_every(np.pad(values, shape.size // 2), shape, size, out)
+    return out
 
 
 def _spread(values: Floats, free: Floats) -> float:
@@ -285,7 +285,7 @@ def _spread(values: Floats, free: Floats) -> float:
         chosen = values[np.isfinite(values)]
     if chosen.size < 4:
         return float("nan")
-    return max(float(robust_sigma(np.concatenate([chosen, -chosen]))), 1e-12)
+    return max(spread_about_zero(chosen), 1e-12)
 
 
 def _near(flag: Floats, reach: int) -> Floats:

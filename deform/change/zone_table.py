@@ -99,7 +99,7 @@ def _row(group: _Group, pairs, axis, outside_diameter, options: ChangeOptions) -
     if not inside.any():
         return None
     step = float(axis[1] - axis[0])
-    flagged = _flagged(group)
+    flagged = _flagged(group, pairs)
     peaks = [_peak_displacement(pair, inside, step) for pair in flagged]
     strains = [_peak_strain(pair, inside, step, outside_diameter) for pair in flagged]
     at = int(np.argmax([np.nan_to_num(peak["size"]) for peak in peaks]))
@@ -146,11 +146,11 @@ def _row(group: _Group, pairs, axis, outside_diameter, options: ChangeOptions) -
     return row
 
 
-def _flagged(group: _Group) -> list[PairChange]:
-    """Pairs that show a zone: those with the reference run where there are any."""
-    references = [pair.reference for pair, _ in group.members]
-    main = max(set(references), key=references.count)
-    return list({id(pair): pair for pair, _ in group.members if pair.reference == main}.values())
+def _flagged(group: _Group, pairs: list[PairChange]) -> list[PairChange]:
+    """Pairs that show a zone: those with the reference run where there are any, else the one that shows it best."""
+    found = {id(pair): pair for pair, _ in group.members}
+    with_reference = [found[id(pair)] for pair in pairs if id(pair) in found]
+    return with_reference or [group.best[0]]
 
 
 def _peak_displacement(pair: PairChange, inside: Floats, step: float) -> dict:

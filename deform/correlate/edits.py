@@ -215,8 +215,8 @@ class History:
         return ", ".join(self.lists[q].run for q in runs)
 
     def why(self, change: Change) -> str:
-        """A change in words."""
-        return f"{change.kind} between {self.lists[change.before].run} and {self.lists[change.after].run}"
+        """A change in words: which kind it is, stands in the table of edits alone, for where the new pipe lies may tell later."""
+        return f"pipe replaced between {self.lists[change.before].run} and {self.lists[change.after].run}"
 
 
 def column_ids(history: History) -> list[str]:

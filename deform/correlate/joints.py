@@ -90,14 +90,14 @@ def _begins(runs, key, lists, changes) -> str:
     if runs[0] == 0:
         return f"{lists[0].run}: first run"
     change = _touching(changes, runs[0] - 1, runs[0], key)
-    return f"{lists[runs[0]].run}: {change.kind if change else 'first run that shows it'}"
+    return f"{lists[runs[0]].run}: {'pipe replaced' if change else 'first run that shows it'}"
 
 
 def _ends(runs, key, lists, changes) -> str:
     if runs[-1] == len(lists) - 1:
         return ""
     change = _touching(changes, runs[-1], runs[-1] + 1, key)
-    return f"{lists[runs[-1]].run}: {change.kind if change else 'last run that shows it'}"
+    return f"{lists[runs[-1]].run}: {'pipe replaced' if change else 'last run that shows it'}"
 
 
 def _touching(changes, before, after, key) -> Change | None:

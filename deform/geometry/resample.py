@@ -114,6 +114,19 @@ def robust_sigma(values: ArrayLike, axis: int | None = None) -> Any:
     return MAD_TO_SIGMA * np.nanmedian(np.abs(values - middle), axis=axis)
 
 
+def spread_about_zero(values: ArrayLike) -> float:
+    """Return 1.4826 times the median absolute value: sigma of the honest majority of what has the mean zero; NaN are left out.
+
+    Examples
+    --------
+    >>> round(spread_about_zero([-1.0, 1.0, -2.0, 1000.0, float("nan")]), 4)
+    2.2239
+    """
+    size = np.abs(np.asarray(values, float))
+    size = size[np.isfinite(size)]
+    return float(MAD_TO_SIGMA * np.median(size)) if size.size else float("nan")
+
+
 def _interpolate(x: ArrayLike, axis: ArrayLike, values: ArrayLike, period: float) -> Floats:
     axis, columns, single = _prepared(axis, values)
     x = np.asarray(x, float)

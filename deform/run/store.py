@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -54,6 +54,12 @@ def engine(path: Path) -> str:
     return "zarr" if Path(path).suffix == ".zarr" else "netcdf4"
 
 
+def _as_written(path: Path) -> dict[str, Any]:
+    """How xarray opens what `write_run` wrote."""
+    way = {"engine": engine(path), "decode_times": False}
+    return way | {"consolidated": False} if Path(path).suffix == ".zarr" else way
+
+
 def write_run(run: xr.DataTree, path: Path) -> Path:
     """Validate a run and write it: netCDF-4, or Zarr when the path ends in ``.zarr``."""
     schema.validate_run(run)
@@ -67,13 +73,17 @@ def write_run(run: xr.DataTree, path: Path) -> Path:
     return path
 
 
-def read_run(path: Path, groups: Iterable[str] | None = None) -> xr.DataTree:
-    """Read a run into memory, all groups or the named ones (those that exist).
+def read_run(
+    path: Path, groups: Iterable[str] | None = None, variables: Mapping[str, Iterable[str]] | None = None
+) -> xr.DataTree:
+    """Read a run into memory, all groups or the named ones (those that exist), and close the file.
 
     Parameters
     ----------
     path : of the run.
     groups : names of the groups that are wanted, None for all.
+    variables : of the groups that are named here these variables only, besides their coordinates; ``encoding["source"]`` of
+        such a group is the path, by which `read_scans` reads a piece of a wall map.
 
     Raises
     ------
@@ -84,11 +94,10 @@ def read_run(path: Path, groups: Iterable[str] | None = None) -> xr.DataTree:
     if not path.exists():
         raise InputError(Fault(str(path), "", "no such file"))
     try:
-        further: dict[str, Any] = {"consolidated": False} if path.suffix == ".zarr" else {}
-        with xr.open_datatree(path, engine=engine(path), decode_times=False, **further) as tree:
+        with xr.open_datatree(path, **_as_written(path)) as tree:
             schema.check_version(tree.attrs, str(path))
             wanted = [n for n in tree.children if groups is None or n in set(groups)]
-            children = {n: xr.DataTree(_clean(tree[n].to_dataset().load())) for n in wanted}
+            children = {n: xr.DataTree(_loaded(tree[n].to_dataset(), path, (variables or {}).get(n))) for n in wanted}
             return xr.DataTree(xr.Dataset(attrs=tree.attrs), children=children)
     except InputError:
         raise
@@ -98,13 +107,30 @@ def read_run(path: Path, groups: Iterable[str] | None = None) -> xr.DataTree:
         ) from fault
 
 
+def _loaded(ds: xr.Dataset, path: Path, names: Iterable[str] | None) -> xr.Dataset:
+    if names is None:
+        return _clean(ds.load())
+    part = _clean(ds[[name for name in names if name in ds]].load())
+    part.encoding["source"] = str(path)
+    return part
+
+
+def read_scans(path: Path, scans: slice) -> xr.Dataset:
+    """Return some scans of the group ``/caliper`` of a run; the file is opened for them and closed again."""
+    try:
+        with xr.open_dataset(path, group="caliper", **_as_written(path)) as wall:
+            return wall.isel(scan=scans).load().drop_encoding()
+    except (OSError, KeyError, ValueError) as fault:
+        raise InputError(Fault(str(path), "caliper", f"cannot be read ({fault})", "it was there before: run again")) from fault
+
+
 def read_wall(path: Path, chainage: float, half_length: float) -> xr.Dataset | None:
     """Return group ``/caliper`` of a run within ``half_length`` (m) of a chainage (m, this run's own).
 
     Only the scans of the window are read. None when the run has no wall map, or fewer than five scans there.
     """
     try:
-        with xr.open_dataset(path, engine=engine(path), group="caliper", decode_times=False) as wall:
+        with xr.open_dataset(path, group="caliper", **_as_written(path)) as wall:
             places = np.asarray(wall["chainage"].values, float)
             first, last = np.searchsorted(places, [chainage - half_length, chainage + half_length])
             return wall.isel(scan=slice(int(first), int(last))).load().drop_encoding() if last - first >= _LEAST_SCANS else None
@@ -160,7 +186,7 @@ def _encoding(group: str, ds: xr.Dataset) -> dict[str, dict[str, Any]]:
     for name, variable in ds.variables.items():
         if variable.dtype.kind not in "fiu" or not variable.ndim or not variable.size:
             continue
-        encoding[str(name)] = {"zlib": True, "complevel": 4, "shuffle": True}
+        encoding[str(name)] = {"zlib": True, "complevel": 1, "shuffle": True}
         step = known[str(name)].packed if name in known else None
         if step and np.nanmax(np.abs(variable.values), initial=0.0) < step * 2**31:
             encoding[str(name)] |= {"dtype": "int32", "scale_factor": step, "_FillValue": _INT32_FILL}

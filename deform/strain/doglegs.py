@@ -17,6 +17,8 @@ Floats = NDArray[Any]
 
 _SIDE_M = 3.0  # length on either side of a weld from which its two directions are taken
 _GAP_M = 0.3  # of the weld itself, where the tool is shaken
+_LEAST_VALUES = 5  # on either side
+_BLOCK = 1024  # places looked at together, which bounds the memory
 _POINT_KINDS = ("tee", "valve")  # features that are no bend but may turn
 
 
@@ -49,7 +51,7 @@ def doglegs(
     centreline = centreline[["azimuth", "pitch", "curvature_horizontal", "curvature_vertical"]]
     bends = _bends(centreline, outside_diameter, options)
     points = _outside(_points(welds, features), bends)
-    rows = bends + [row for place, kind in points for row in _deflection(centreline, place, kind, outside_diameter, options)]
+    rows = bends + _deflections(centreline, points, outside_diameter, options)
     rows.sort(key=lambda r: r["start_m"])
     return build.table("doglegs", pd.DataFrame(rows))
 
@@ -111,41 +113,69 @@ def _turn(azimuth: Floats, pitch: Floats) -> tuple[float, float]:
     return float(np.sum(level * np.diff(azimuth))), float(pitch[-1] - pitch[0])
 
 
-def _deflection(line: xr.Dataset, place: float, kind: str, diameter: float, options: StrainOptions) -> list[dict[str, Any]]:
-    chainage = line["chainage"].values
-    near = slice(*np.searchsorted(chainage, [place - _SIDE_M, place + _SIDE_M]))
-    s = chainage[near] - place
-    before, behind = s <= -_GAP_M, s >= _GAP_M
-    if min(before.sum(), behind.sum()) < 5:
-        return []
-    azimuth, pitch = np.unwrap(line["azimuth"].values[near], period=360.0), line["pitch"].values[near]
-    level = float(np.cos(np.radians(pitch.mean())))
-    right = level * (_at_zero(s, azimuth, behind) - _at_zero(s, azimuth, before))
-    up = _at_zero(s, pitch, behind) - _at_zero(s, pitch, before)
+def _deflections(
+    line: xr.Dataset, points: list[tuple[float, str]], diameter: float, options: StrainOptions
+) -> list[dict[str, Any]]:
+    """Rows of the points at which the pipe turns."""
     # two lines led on to the weld: four times the variance of a mean over the side, the errors of both sides being half common
     sigma = 2.0 * max(stated_turn_sigma(line[name], 0.5 * _SIDE_M) for name in ("azimuth", "pitch"))
-    angle = float(np.hypot(right, up))
-    if not angle > options.dogleg_sigmas * sigma:
-        return []
     gauge = float(line["curvature_horizontal"].attrs["gauge_length_m"])
+    chainage, azimuth, pitch = (line[name].values for name in ("chainage", "azimuth", "pitch"))
+    right, up = jumps(chainage, azimuth, pitch, np.array([place for place, _ in points]))
+    angle = np.hypot(right, up)
     return [
         {
-            "kind": kind,
-            "start_m": place,
-            "end_m": place,
-            "angle_horizontal_deg": right,
-            "angle_vertical_deg": up,
-            "angle_deg": angle,
+            "kind": points[k][1],
+            "start_m": points[k][0],
+            "end_m": points[k][0],
+            "angle_horizontal_deg": right[k],
+            "angle_vertical_deg": up[k],
+            "angle_deg": angle[k],
             "angle_sigma_deg": sigma,
-            "clock_deg": float(tension_clock(right, up)),
+            "clock_deg": float(tension_clock(right[k], up[k])),
             "radius_m": np.nan,
-            "standardised_percent": float(standardised_percent(np.radians(angle) / gauge, diameter)),
+            "standardised_percent": float(standardised_percent(np.radians(angle[k]) / gauge, diameter)),
         }
+        for k in np.flatnonzero(angle > options.dogleg_sigmas * sigma)
     ]
 
 
-def _at_zero(s: Floats, values: Floats, use: Floats) -> float:
-    """Value at the place itself of the line through the values on one side."""
-    x, y = s[use], values[use]
-    slope = np.sum((x - x.mean()) * (y - y.mean())) / np.sum((x - x.mean()) ** 2)
-    return float(y.mean() - slope * x.mean())
+def jumps(chainage: Floats, azimuth: Floats, pitch: Floats, places: Floats) -> tuple[Floats, Floats]:
+    """Return the turn to the right (times cos pitch) and up at places of a line, each (m,), degree.
+
+    Parameters
+    ----------
+    chainage, azimuth, pitch : (n,) of the line (m, degree).
+    places : (m,) where it may turn (m). NaN is returned where either side holds fewer than five values, or an unknown one.
+
+    Notes
+    -----
+    The straight lines through the values of 3 m on either side, without 0.3 m about the place itself, led on to it.
+    """
+    right, up = np.full(places.size, np.nan), np.full(places.size, np.nan)
+    for start in range(0, places.size, _BLOCK):
+        some = slice(start, start + _BLOCK)
+        first, last = np.searchsorted(chainage, [places[some] - _SIDE_M, places[some] + _SIDE_M])
+        at = first[:, None] + np.arange(max(int((last - first).max()), 1))
+        held, at = at < last[:, None], np.minimum(at, chainage.size - 1)
+        s = chainage[at] - places[some, None]
+        sides = held & (s >= _GAP_M), held & (s <= -_GAP_M)
+        level = np.cos(np.radians(np.where(held, pitch[at], 0.0).sum(axis=1) / np.maximum(held.sum(axis=1), 1)))
+        for out, values in ((right, np.unwrap(azimuth[at], period=360.0, axis=1)), (up, pitch[at])):
+            behind, before = (_at_zero(s, values, use) for use in sides)
+            out[some] = behind - before
+        right[some] *= level
+    return right, up
+
+
+def _at_zero(s: Floats, values: Floats, use: Floats) -> Floats:
+    """Values at zero of the lines through the used values of each row, NaN where there are fewer than five."""
+    count = use.sum(axis=1)
+    few = count < _LEAST_VALUES
+    count = np.where(few, 1, count)
+    x, y = np.where(use, s, 0.0), np.where(use, values, 0.0)
+    x_mean, y_mean = x.sum(axis=1) / count, y.sum(axis=1) / count
+    x = np.where(use, s - x_mean[:, None], 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope = (x * np.where(use, values - y_mean[:, None], 0.0)).sum(axis=1) / (x**2).sum(axis=1)
+        return np.where(few, np.nan, y_mean - slope * x_mean)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from deform.change.axial_zones import axial_zones
-from deform.change.zone_table import zone_table
+from deform.change.zone_table import _flagged, _Group, zone_table
 from deform.options import ChangeOptions
 from deform.run import build
 
@@ -32,6 +34,15 @@ def stretch(first, last, total, count=900):
     out = np.zeros(count)
     out[first:last] = total / (last - first)
     return out
+
+
+def test_zone_is_told_by_the_pairs_with_the_reference_run_whichever_shows_it_best():
+    """Not by the order of a set of names, which changes from process to process."""
+    first, second, step = (SimpleNamespace(reference=r) for r in ("r2013", "r2013", "r2017"))
+    weak, strong = SimpleNamespace(statistic=40.0), SimpleNamespace(statistic=90.0)
+    members = [(step, strong), (second, weak), (second, weak)]
+    assert _flagged(_Group(0.0, 1.0, members), [first, second]) == [second]
+    assert _flagged(_Group(0.0, 1.0, members[:1]), [first, second]) == [step]
 
 
 def test_string_that_grew_is_found_where_and_when_it_grew():

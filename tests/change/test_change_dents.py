@@ -10,8 +10,10 @@ import xarray as xr
 
 from deform.change.dent_change import compare_dents
 from deform.change.dent_surface import depth_at, surface_difference
+from deform.change.stack import READ
+from deform.errors import InputError
 from deform.options import ChangeOptions
-from deform.run import build
+from deform.run import build, store
 
 JOINTS = pd.DataFrame({"joint_id": ["J1", "J2"], "reference_chainage_m": [0.0, 500.0]})
 
@@ -141,6 +143,21 @@ def test_new_dent_that_the_wall_map_showed_before_has_grown():
     assert rows["D0001", "a"].depth_m == pytest.approx(0.0025, abs=0.0006)
     clean = run_of("a", [], wall=wall_of([]))
     assert table([clean, after])[0]["D0001", "b"].status == "new"
+
+
+def test_wall_map_that_stays_in_its_file_tells_what_it_tells_in_memory(tmp_path):
+    """A comparison of a long line holds no radii; the file is opened for a piece of them and closed again."""
+    made = run_of("a", [], wall=wall_of([(100, 90, 0.004)]))
+    path = store.write_run(made, tmp_path / "a.nc")
+    whole, lean = store.read_run(path), store.read_run(path, variables=READ)
+    assert "radius" not in lean["caliper"]
+    for clock in (90.0, 270.0):
+        assert depth_at(lean, 100.0, clock) == depth_at(whole, 100.0, clock)
+    after = run_of("b", [(100, 90, 0.009)], wall=wall_of([(100, 90, 0.009)]))
+    assert table([lean, after])[0]["D0001", "b"].status == "grown"
+    path.unlink()
+    with pytest.raises(InputError, match=r"a\.nc.*caliper: cannot be read"):
+        depth_at(lean, 100.0, 90.0)
 
 
 def test_surface_difference_is_the_growth_at_the_apex_and_nothing_beside():

@@ -137,7 +137,7 @@ def test_movement_is_found_as_often_as_its_detection_limit_says(factor, low, hig
     line = lines.make_line(20000.0, seed=9, bends_per_km=1.0, step=0.5)
     quiet = pair_of(line, line, 77, options)
     wave = min(quiet.waves, key=lambda w: abs(w.length - 56.57))
-    limit = detectable(float(np.nanmedian(wave.sigma[:, 1])), quiet.limit, 0.5)
+    limit = detectable(float(wave.typical[1]), quiet.limit, 0.5)
     centres = np.arange(1500.0, 19000.0, 1500.0)
     way = sum(lines.bump(line.chainage, c, wave.length, factor * limit) for c in centres)
     pair = pair_of(line, lines.moved(line, up=way), 78, options)

@@ -72,6 +72,17 @@ def test_every_weld_that_is_not_matched_has_a_reason():
     assert (others["reason"].str.len() > 10).all()
 
 
+def test_which_kind_a_replacement_is_stands_in_the_table_of_edits_alone():
+    """Geometry may call a cut-out a re-route after the matching: no other table may then contradict."""
+    _, _, _, matching = three_epochs()
+    replaced = matching.welds["reason"] == "pipe replaced between 2021 and 2023"
+    assert set(matching.welds["status"][replaced]) == {"removed", "added"}
+    assert "2021: pipe replaced" in set(matching.joints["ends"])
+    assert "2023: pipe replaced" in set(matching.joints["begins"])
+    words = pd.concat([matching.welds["reason"], matching.joints["begins"], matching.joints["ends"]])
+    assert not words.str.contains("cutout|reroute", case=False).any()
+
+
 def test_eight_epochs_close_every_cycle():
     rng = np.random.default_rng(1)
     true = build_line(rng, 300)

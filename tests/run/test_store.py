@@ -55,6 +55,20 @@ def test_only_the_groups_asked_for_are_read(run, tmp_path):
     assert set(store.read_run(path, groups=["welds"]).children) == {"welds"}
 
 
+@pytest.mark.parametrize("end", [".nc", ".zarr"])
+def test_only_the_variables_asked_for_are_read_and_scans_come_from_the_file(run, tmp_path, end):
+    path = store.write_run(run, tmp_path / f"run{end}")
+    lean = store.read_run(path, variables={"centreline": ("pitch", "ovality"), "caliper": ("chainage", "clock")})
+    assert set(lean["centreline"].to_dataset().variables) == {"chainage", "pitch"}
+    assert set(lean["caliper"].to_dataset().variables) == {"chainage", "clock"}
+    assert set(lean["welds"].data_vars) == set(run["welds"].data_vars)
+    assert lean["caliper"].to_dataset().encoding["source"] == str(path)
+    scans = store.read_scans(path, slice(10, 13))
+    np.testing.assert_allclose(scans["radius"].values, run["caliper"]["radius"].values[10:13], atol=0.51e-6)
+    with pytest.raises(InputError, match=r"gone.*caliper: cannot be read"):
+        store.read_scans(tmp_path / f"gone{end}", slice(0, 5))
+
+
 def test_all_faults_of_a_run_are_listed_at_once(run):
     welds = run["welds"].to_dataset()
     welds["chainage"] = ("weld", [13.2, 1.0], {"units": "ft"})
@@ -128,3 +142,18 @@ def test_dataset_with_shapes_that_do_not_meet_is_refused():
 def test_numbers_that_are_not_finite_become_null_in_json(tmp_path):
     path = store.write_json({"a": float("nan"), "b": [np.float64(1.5), np.int64(2)]}, tmp_path / "x.json")
     assert path.read_text().split() == ["{", '"a":', "null,", '"b":', "[", "1.5,", "2", "]", "}"]
+
+
+def test_comparison_is_stored_in_steps_with_its_sigma_and_what_does_not_fit_whole(tmp_path):
+    rng = np.random.default_rng(4)
+    size = (2, 50)
+    up, sigma, east = rng.normal(0, 0.3, size), rng.uniform(0.001, 0.1, size), rng.normal(0, 1.0, size)
+    up[0, 3] = sigma[0, 3] = np.nan
+    east[1, 7] = 5000.0  # metres: more steps of a micrometre than 32 bits hold
+    values = {"epoch": ["a", "b"], "chainage": np.arange(50) * 0.1, "run_chainage": np.tile(np.arange(50) * 0.1, (2, 1))}
+    values |= {"displacement_up": up, "displacement_up_sigma": sigma, "displacement_east": east}
+    path = store.write_dataset(build.dataset("comparison", values, reference="a"), tmp_path / "comparison.nc", "comparison")
+    back = store.read_dataset(path)
+    for name, value in (("displacement_up", up), ("displacement_up_sigma", sigma)):
+        np.testing.assert_allclose(back[name].values, value, rtol=0, atol=0.501e-6)
+    np.testing.assert_array_equal(back["displacement_east"].values, east)

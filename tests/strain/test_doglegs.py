@@ -8,7 +8,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from deform.run import build
 from deform.strain.bending import add_bending
-from deform.strain.doglegs import doglegs
+from deform.strain.doglegs import doglegs, jumps
+from tests.naive import change as naive
 
 S = np.round(np.arange(0.0, 500.05, 0.1), 10)
 DIAMETER = 0.3239
@@ -74,3 +75,16 @@ def test_noise_alone_gives_no_dogleg():
 
 def test_centreline_without_curvature_gives_an_empty_table():
     assert len(doglegs(build.dataset("centreline", {"chainage": S}), outside_diameter=DIAMETER)) == 0
+
+
+def test_jumps_in_blocks_equal_straight_lines_fitted_weld_by_weld():
+    rng = np.random.default_rng(2)
+    s = np.cumsum(rng.uniform(0.05, 0.25, 60_000))
+    azimuth, pitch = (359.0 + np.cumsum(rng.normal(0, 0.05, s.size))) % 360.0, rng.normal(0, 1.0, s.size)
+    pitch[30_000] = np.nan
+    places = np.sort(np.concatenate([rng.uniform(0.0, s[-1], 2500), [0.5, s[30_000] + 1.0, s[-1] - 0.5]]))
+    got = np.column_stack(jumps(s, azimuth, pitch, places))
+    some = np.unique(np.concatenate([np.arange(0, places.size, 50), [0, places.size - 1], np.flatnonzero(np.isnan(got[:, 0]))]))
+    want = np.array([naive.jump(s, azimuth, pitch, place) for place in places[some]])
+    np.testing.assert_allclose(got[some], want, rtol=0, atol=1e-9)
+    assert 3 <= np.isnan(got[:, 0]).sum() < 10  # at both ends, and about the value that is not known
