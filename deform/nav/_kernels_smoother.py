@@ -79,9 +79,9 @@ def backward(first, last, travel, span, noise, buffers, adjoint, information, sm
     each state's process noise (Koopman 1993; Koopman and Shephard 1992); none when pull has no rows.
     """
     table, speeds, tilts, R = travel
-    _, _, begins = span
+    begins = span[2]
     at, reckoned, walk, travel_walk, tau, reach, steady, unknown = noise
-    xs, Ps, counts, Hs, Ks, news = buffers
+    xs, Ps, counts, Hs, Ks, news, offsets = buffers
     n, full = adjoint.size, NAVIGATED + (1 if at[B_DISTANCE] >= 0 else 0)
     F, J, D, axes, row = np.empty((full, n)), np.empty((3, n)), np.empty(3), np.empty((3, 3)), np.empty(COLUMNS)
     decay, Q, dx, g, a, U = np.ones(n), np.zeros(n), np.zeros(n), np.empty(n), np.empty(n), np.empty((n, n))
@@ -111,7 +111,7 @@ def backward(first, last, travel, span, noise, buffers, adjoint, information, sm
             adjoint_begin_anew(adjoint, information, at, begins[k])
         if wanted:
             for i in range(n):
-                total = 0.0
+                total = offsets[b, i]
                 for j in range(n):
                     total -= P[i, j] * adjoint[j]
                 dx[i] = total

@@ -7,7 +7,7 @@ import math
 from numba import njit
 
 from deform.geometry._kernels import turn_left
-from deform.nav._kernels import shift_place
+from deform.nav._kernels import place_difference, shift_place
 
 WAVES = 3  # components of the wobble, each with a length of its own and a state that drives it
 BANDS = 2  # wave bands of the tilt seen by the arms, each believed by its own share
@@ -51,6 +51,25 @@ def feed_back(x, dx, at):
 
 
 @njit(cache=True, error_model="numpy")
+def errors_from(x, base, at, dx):
+    """Fill dx with the errors that `feed_back` would take into ``base`` to make it the state x."""
+    dx[0], dx[1], dx[2] = place_difference(x[0:3], base[0:3])
+    for i in range(3):
+        dx[3 + i] = x[3 + i] - base[3 + i]
+    C, B = x[MATRIX : MATRIX + 9].reshape((3, 3)), base[MATRIX : MATRIX + 9].reshape((3, 3))
+    D = C @ B.T
+    s0, s1, s2 = 0.5 * (D[2, 1] - D[1, 2]), 0.5 * (D[0, 2] - D[2, 0]), 0.5 * (D[1, 0] - D[0, 1])
+    sine = math.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
+    angle = math.atan2(sine, 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0))
+    stretch = angle / sine if sine > 1e-12 else 1.0
+    dx[6], dx[7], dx[8] = stretch * s0, stretch * s1, stretch * s2
+    for b in range(BLOCKS):
+        if at[b] >= 0:
+            for j in range(SIZE_OF[b]):
+                dx[at[b] + j] = x[COLUMN_OF[b] + j] - base[COLUMN_OF[b] + j]
+
+
+@njit(cache=True, error_model="numpy")
 def follow(x, place, v, C, step, axes, decay, follows, at):
     """State at the end of an epoch from what was mechanized, ``step`` its displacement; Gauss-Markov parameters fade."""
     x[0], x[1], x[2] = place[0], place[1], place[2]
@@ -76,6 +95,15 @@ def begin_anew(x, P, at, flags, course):
     if flags & RESET_COURSE and at[B_COURSE] >= 0:
         x[COURSE] = course
         forget(P, at[B_COURSE], COURSE_VARIANCE)
+
+
+@njit(cache=True, error_model="numpy")
+def begin_errors_anew(dx, at, flags):
+    """What begins anew has no error against the state that `begin_anew` gave it."""
+    if flags & RESET_DISTANCE and at[B_DISTANCE] >= 0:
+        dx[at[B_DISTANCE]] = 0.0
+    if flags & RESET_COURSE and at[B_COURSE] >= 0:
+        dx[at[B_COURSE]] = 0.0
 
 
 @njit(cache=True, error_model="numpy")

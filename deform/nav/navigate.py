@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from deform.nav import odometer, product
-from deform.nav.aiding import RIDE_DENSITY, WOBBLE_DENSITY, TravelAid, mark_aid, travel_aid
+from deform.nav.aiding import RIDE_DENSITY, WOBBLE_DENSITY, TravelAid, mark_aid, rest_aid, travel_aid
 from deform.nav.alignment import align
 from deform.nav.arm_tilt import ring_centres
 from deform.nav.compensation import compensation_table
@@ -90,7 +90,8 @@ def navigate(
     )
     marks = mark_aid(epochs, passages["time"].values, places, sigma, options.marker_time_sigma_s)
     start, aligned = first_state(raw, epochs, marks, aligned, model, float(travel.speeds[0]))
-    solution = solve(Problem(epochs, travel, marks, model, start), ring_centres(raw))
+    rests = rest_aid(epochs, travel, float(model.walk[8]), counts.gyro_pulse)
+    solution = solve(Problem(epochs, travel, marks, model, start, rests), ring_centres(raw))
     tell(0.8)
     with ThreadPoolExecutor(1) as beside:  # the backward run and the trajectory need nothing of each other
         backward = beside.submit(agreement, solution.problem, solution.filtered, solution.smoothed)

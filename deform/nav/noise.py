@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from deform.nav._kernels_state import TILT, WAVES, WOBBLE
 from deform.nav.aiding import REST_VARIANCE, RIDE_DENSITY, SpanAid
 from deform.nav.error_model import BIAS_CORRELATION_S, WOBBLE_DEG, WOBBLE_LENGTHS_M
-from deform.nav.filter import BLOCK_EPOCHS, Buffers, Filtered, Problem, Start, run_forward
+from deform.nav.filter import BLOCK_EPOCHS, NO_STATES, Buffers, Filtered, Problem, Start, run_forward
 from deform.nav.smoother import slopes
 from deform.nav.strapdown import Epochs
 
@@ -170,6 +170,7 @@ def _piece(problem: Problem, filtered: Filtered, first: int, last: int) -> Probl
                        tilt=travel.tilt[here]),
         marks=marks.only(np.zeros(marks.epoch.size, bool)),
         spans=SpanAid(),
+        about=NO_STATES,
         start=Start(x, P * (DOUBT**2 if first else 1.0)),
     )  # fmt: skip
 

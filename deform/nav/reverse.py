@@ -93,9 +93,20 @@ def reversed_problem(problem: Problem, end: Floats, variance: Floats) -> Problem
                        along_shape=travel.along_shape[::-1], travel=travel.travel[::-1], tilt=travel.tilt[::-1].copy()),
         marks=replace(marks, index=marks.index[::-1], epoch=(n - marks.epoch[::-1]).copy(), place=marks.place[::-1].copy(),
                       variance=marks.variance[::-1], late=-marks.late[::-1], weight=marks.weight[::-1]),
-        spans=SpanAid(),  # the backward run checks the forward one without them
+        spans=SpanAid(resting=problem.spans.resting[::-1].copy()),  # the backward run checks the forward one without the others
+        about=_reversed_states(problem.about),
         start=Start(state, covariance),
     )  # fmt: skip
+
+
+def _reversed_states(states: Floats) -> Floats:
+    """Return states at the bounds as they are when time runs backwards."""
+    out = states[::-1].copy()
+    out[:, 3:6] *= -1.0
+    out[:, kernels.GYRO_BIAS : kernels.GYRO_BIAS + 3] *= -1.0
+    wobble, sway = (slice(c, c + 2 * kernels.WAVES) for c in (kernels.WOBBLE, kernels.SWAY))
+    out[:, sway] = 2.0 * out[:, wobble] - out[:, sway]  # what drives a component is ahead of it in either direction
+    return out
 
 
 @dataclass(frozen=True)
