@@ -19,18 +19,21 @@ SWAY = WOBBLE + 2 * WAVES
 TILT = SWAY + 2 * WAVES
 DISTANCE = TILT + 2 * BANDS
 COURSE = DISTANCE + 1
-STATE_COLUMNS = COURSE + 1
+LEVER = COURSE + 1
+LEAN = LEVER + 1
+STATE_COLUMNS = LEAN + 2
 
 NAVIGATED = 9  # error states of position, velocity, attitude
 
 # Slots of the error state behind the navigated nine; `at` holds the index of the first state of each, or -1.
 B_GYRO_BIAS, B_ACCEL_BIAS, B_GYRO_SCALE, B_ACCEL_SCALE, B_GYRO_SHEAR, B_ACCEL_SHEAR, B_MOUNTING = 0, 1, 2, 3, 4, 5, 6
-B_SCALE, B_DELAY, B_SAG, B_WOBBLE, B_SWAY, B_TILT, B_DISTANCE, B_COURSE, BLOCKS = 7, 8, 9, 10, 11, 12, 13, 14, 15
+B_SCALE, B_DELAY, B_SAG, B_WOBBLE, B_SWAY, B_TILT, B_DISTANCE, B_COURSE, B_LEVER, B_LEAN = 7, 8, 9, 10, 11, 12, 13, 14, 15, 16
+BLOCKS = 17
 COLUMN_OF = (
     *(GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE, GYRO_SHEAR, ACCEL_SHEAR, MOUNTING),
-    *(SCALE, DELAY, SAG, WOBBLE, SWAY, TILT, DISTANCE, COURSE),
+    *(SCALE, DELAY, SAG, WOBBLE, SWAY, TILT, DISTANCE, COURSE, LEVER, LEAN),
 )
-SIZE_OF = (3, 3, 3, 3, 3, 5, 2, 1, 1, 1, 2 * WAVES, 2 * WAVES, 2 * BANDS, 1, 1)
+SIZE_OF = (3, 3, 3, 3, 3, 5, 2, 1, 1, 1, 2 * WAVES, 2 * WAVES, 2 * BANDS, 1, 1, 1, 2)
 
 RESET_DISTANCE, RESET_COURSE = 1, 2  # flags of what begins anew behind a bound's measurements
 COURSE_VARIANCE = math.radians(30.0) ** 2  # of the azimuth of a straight stretch before it is seen

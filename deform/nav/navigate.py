@@ -35,6 +35,8 @@ Floats = NDArray[np.float64]
 Progress = Callable[[float], None] | None
 log = logging.getLogger(__name__)
 
+CORNERING = 0.5  # m/s²: a hundredth of the time pushed aside by more, a tool has its lever and lean as states
+
 
 @dataclass(frozen=True)
 class Navigation:
@@ -78,7 +80,7 @@ def navigate(
     passages = with_control(raw.passages if raw.passages is not None else _no_passages(), control)
     bounds = epoch_bounds(counts.time, options.filter_interval_s, passages["time"].values)
     epochs = preintegrate(counts, wheels.profile, bounds)
-    model = compose(options.error_model, raw.header)
+    model = compose(options.error_model, raw.header, corners=bool(np.quantile(epochs.side_force, 0.99) > CORNERING))
     across = RIDE_DENSITY if model.index("wobble").stop else WOBBLE_DENSITY
     travel = aid_of(epochs, wheels.profile, across)
     aligned = align(counts, epochs, travel, raw.header)

@@ -145,18 +145,16 @@ def _about_its_path(problem: Problem) -> Problem:
     """
     for _ in range(MOST_ROUNDS):
         smoothed = _pass(problem)[1]
-        turned = _most_turned(smoothed.states, problem.about)
+        turned = _most_turned(smoothed.states, problem.about) if len(problem.about) else math.inf
         problem = replace(problem, about=smoothed.states)
-        log.info("attitudes moved by %.2f degree: solved about the path found", math.degrees(turned))
+        log.info("solved about the smoothed path; attitudes had moved by %.2f degree", math.degrees(turned))
         if turned < SETTLED_RAD:
             break
     return problem
 
 
 def _most_turned(states: Floats, others: Floats) -> float:
-    """Greatest angle (radian) between the attitudes of states at the same bounds; half a turn when there are no others."""
-    if not len(others):
-        return math.pi
+    """Greatest angle (radian) between the attitudes of states at the same bounds."""
     matrix = slice(kernels.MATRIX, kernels.MATRIX + 9)
     apart = np.sum((states[:, matrix] - others[:, matrix]) ** 2, axis=1)  # of two rotations: 8 sin² of half the angle
     return 2.0 * math.asin(min(math.sqrt(float(apart.max()) / 8.0), 1.0))
