@@ -144,7 +144,7 @@ def keep_course(x, P, dx, at, axes, D, J, variance, gate, buffers, b, used, H, K
 
 @njit(cache=True, error_model="numpy")
 def keep_azimuth(P, dx, C, after, F, variance, gate, buffers, b, used, H, K):
-    """Take in that a tool at rest does not turn about the vertical: from C to ``after`` by the gyros, F the rows of the transition.
+    """Take in that a tool at rest does not turn about the vertical; by the gyros it does from C to ``after``, F as in `lead`.
 
     Its level axes are left to the displacement at rest, which sees the same noise of the gyros as a tilt.
     """
@@ -180,7 +180,7 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
     travel : table of epochs, speeds at the bounds, tilt of the arms and variances of the displacement (epoch, 3), 0 for none.
     mark : bound, place, variance along, across, up, and lateness of each mark.
     span : (bound, 2) length of the joint that ends there (NaN for none) and its variance; (bound,) variance of the azimuth of a
-        straight stretch, 0 for none; (bound,) flags of what begins anew; (epoch,) variance of the turn about the vertical at rest.
+        straight stretch, 0 for none; (bound,) flags of what begins anew; (epoch,) variance of the turn about up at rest.
     noise : at, reckoned, walk, travel_walk, tau, reach, steady, unknown as `process` takes them.
     buffers : states, covariances behind the measurements of each bound, the measurements, and the errors against the states;
         kept when they have rows.

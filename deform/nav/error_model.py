@@ -161,9 +161,7 @@ class ErrorModel:
         return self.at, self.reckoned, self.walk, self.travel_walk, self.tau, self.reach, self.steady, self.unknown
 
 
-def compose(
-    name: str, header: RunHeader, joints: bool = False, straight: bool = False, corners: bool = False
-) -> ErrorModel:
+def compose(name: str, header: RunHeader, joints: bool = False, straight: bool = False, corners: bool = False) -> ErrorModel:
     """Return an error model for a tool.
 
     Parameters

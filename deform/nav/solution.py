@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 CONTRADICTED = 4.5  # misclosure without the mark over its sigma beyond which a mark is gross
 NO_WEIGHT = 1e-8
-COARSE_RAD = math.radians(3.0)  # first attitude so uncertain that all is taken as linear about what the smoother makes of the path
+COARSE_RAD = math.radians(3.0)  # first attitude so uncertain that all is taken as linear about the smoothed path
 SETTLED_RAD, MOST_ROUNDS = math.radians(0.05), 8  # of the attitudes, beyond which a path is solved about anew
 
 

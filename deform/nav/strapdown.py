@@ -73,7 +73,7 @@ class Epochs:
 
     @property
     def side_force(self) -> Floats:
-        """Mean acceleration across the track in each epoch (m/s²): speed times rate of the turn about other axes than the forward."""
+        """Acceleration across the track in each epoch (m/s²): speed times rate of the turn about other axes than the forward."""
         turn = self.table[:, _kernels.TURN : _kernels.TURN + 9].reshape(-1, 3, 3)
         across = 0.5 * np.hypot(turn[:, 2, 1] - turn[:, 1, 2], turn[:, 1, 0] - turn[:, 0, 1])
         return np.abs(self.travel) * across / self.duration**2

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import datetime
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from deform.geometry.earth import EARTH_RATE
+from deform.geometry.earth import EARTH_RATE, enu_difference
 from deform.nav import _kernels_state as kernels
 from deform.nav.aiding import SETTLING_RAD, mark_aid, rest_aid, travel_aid
 from deform.nav.error_model import compose
 from deform.nav.filter import NO_STATES, Buffers, Innovations, Problem, Start, run_block, run_forward
+from deform.nav.navigate import navigate
 from deform.nav.smoother import smooth
 from deform.nav.strapdown import epoch_bounds, preintegrate
+from deform.options import RouteOptions, RunOptions, SimulateOptions, ToolOptions
+from deform.synthetic.in_memory import passages_of, raw_run
+from deform.synthetic.simulate import built_line, passage_of
 from tests.nav.ideal import GYRO_PULSE, ideal_run
 from tests.nav.test_filter import problem_of
 from tests.nav.test_strapdown import header
@@ -24,7 +29,9 @@ BIAS, WALK = np.radians(10.0) / 3600.0, np.radians(0.1) / 60.0  # Porter's gyros
 
 def at_rest(azimuth_off_deg: float = 3.0, rests: bool = False) -> Problem:
     """A coarse unit at rest, its azimuth known to 10 degree and off by some; linear about the truth."""
-    run = ideal_run(float(REST_S), rate=50.0, rest=float(REST_S), gyro_bias=0.5 * BIAS, gyro_walk=WALK, accel_walk=1e-3, substeps=1)
+    run = ideal_run(
+        float(REST_S), rate=50.0, rest=float(REST_S), gyro_bias=0.5 * BIAS, gyro_walk=WALK, accel_walk=1e-3, substeps=1
+    )
     epochs = preintegrate(run.counts, run.distance, epoch_bounds(run.counts.time, 1.0))
     n = run.counts.time.size
     travel = travel_aid(epochs, np.zeros(n), np.full(n, 2e-3), np.ones(n, bool))
@@ -93,3 +100,26 @@ def test_rest_tells_the_drift_about_the_vertical():
     sigma = np.sqrt(up @ P[b, b] @ up)
     assert sigma == pytest.approx(1.0 / np.sqrt(BIAS**-2 + 1.0 / seen), rel=0.02)
     assert abs(up @ (x[15:18] - 0.5 * BIAS)) < 3.0 * sigma
+
+
+@pytest.mark.parametrize("kinds", [("launcher", "agm", "receiver"), ("launcher", "receiver")])
+def test_line_of_a_coarse_unit_lies_within_its_sigma_and_no_good_point_is_dropped(kinds):
+    """Porter's unit over 4 km: with points every 500 m, and with both ends alone, where the azimuth drifts by degrees unseen."""
+    tool = ToolOptions(imu="porter-1990", caliper=False, unheard=0.0, stops=1)
+    route = RouteOptions(length_m=4000.0, marker_spacing_m=500.0, valve_spacing_m=1e9, latitude_deg=65.3, longitude_deg=-126.9)
+    date = datetime.date(1990, 1, 1)
+    options = SimulateOptions(line="coarse", seed=11, route=route, tool=tool, runs=(RunOptions(id="coarse", date=date),))
+    passage = passage_of(options, built_line(options), 0)
+    raw = raw_run(passage, options)
+    heard = passages_of(passage, options)
+    found = navigate(replace(raw, passages=heard.isel(marker=np.isin(heard["kind"].values.astype(str), kinds))))
+    assert found.markers["used"].values.all()
+    path, places = found.trajectory, np.arange(50.0, 3950.0, 10.0)
+    at = passage.motion.passage(places)
+    here = (np.interp(at, path["time"].values, path[name].values) for name in ("latitude", "longitude", "height"))
+    off = np.column_stack(enu_difference(*here, *passage.line.position(places)))
+    sigma = np.column_stack(
+        [np.interp(at, path["time"].values, path[f"{axis}_sigma"].values) for axis in ("east", "north", "up")]
+    )
+    assert np.mean((off / sigma) ** 2) < 2.5
+    assert np.hypot(off[:, 0], off[:, 1]).max() < (2.0 if "agm" in kinds else 15.0)
