@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.io import loadmat
+from scipy.spatial import cKDTree
 
 from deform.geometry.earth import earth_rate, enu_difference
 from deform.geometry.rotation import attitude_to_matrix, matrix_to_attitude, rotation_vector_to_matrix
@@ -21,6 +22,7 @@ MARK_EVERY_M = 2000.0
 END_S = 3470.0  # of what is used: behind it the car backs into its place, and road speed has no sign
 REST_S, SETTLED_S = 525.0, 1000.0  # end of the standing start; from where the reference's heading has settled
 STEP_M = 10.0  # along the road, at which the path is held against the reference
+SAME_ROAD_M, LATER_S = 4.0, 600.0  # places so near, passed so much later, are the same road passed again
 LATE_S = 0.2  # by which the reference lags behind the road speed's stamps
 
 # Figures as a header gives them: those of the HG1700 class, with the random walk seen over the rest before the drive.
@@ -134,9 +136,13 @@ def heading_at_rest(run: Drive) -> tuple[float, float, float]:
     return there, float(np.median(back[settled])) % 360.0, float(back[settled].std())
 
 
-def reference_sigma(run: Drive) -> np.ndarray:
-    """Sigma the receiver states for its own fixes, east, north, up (m), at the places of `errors`."""
-    return run.fix_sigma[_rows(run)]
+def reference_error(run: Drive) -> tuple[float, int]:
+    """Error of the reference (m) by its heights where the same road is passed again minutes later, and how often it is."""
+    east, north, _ = enu_difference(run.latitude, run.longitude, run.height, run.latitude[0], run.longitude[0], run.height[0])
+    one, other = cKDTree(np.column_stack([east, north])).query_pairs(SAME_ROAD_M, output_type="ndarray").T
+    again = (np.abs(run.time[one] - run.time[other]) > LATER_S) & (np.minimum(run.speed[one], run.speed[other]) > 2.0)
+    apart = (run.height[one] - run.height[other])[again]
+    return float(np.sqrt(np.mean(apart**2) / 2.0)), int(again.sum())
 
 
 def _rows(run: Drive) -> np.ndarray:
