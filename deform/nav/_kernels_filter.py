@@ -66,16 +66,16 @@ def scalar_update(P, dx, H, z, R, gate, K):
     if gate > 0.0 and innovation * innovation > gate * gate * s:
         s = abs(innovation) * math.sqrt(s) / gate if abs(innovation) < 3.0 * gate * math.sqrt(s) else innovation * innovation
         s = max(s, expected)
+    root = math.sqrt(s)
     for i in range(n):
-        k = K[i] / s
-        dx[i] += k * innovation
+        K[i] /= root
+        dx[i] += K[i] * innovation / root
+    for i in range(n):  # whole rows, not a triangle and its mirror: columns are slow to write
+        k = K[i]
+        for j in range(n):
+            P[i, j] -= k * K[j]
     for i in range(n):
-        ki = K[i] / s
-        for j in range(i, n):
-            P[i, j] -= ki * K[j]
-            P[j, i] = P[i, j]
-    for i in range(n):
-        K[i] /= s
+        K[i] /= root
     return innovation, s, expected
 
 

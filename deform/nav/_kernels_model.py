@@ -373,6 +373,7 @@ def predict(P, F, decay, Q, W):
 def adjoint_lead(adjoint, information, F, decay, U, a):
     """Take one epoch's transition back: adjoint becomes Φ' adjoint, information Φ' information Φ."""
     n, full = adjoint.size, F.shape[0]
+    thirds = full - full % 3  # three rows at once: what they are added to is read and written once
     for j in range(n):
         a[j] = decay[j] * adjoint[j] if j >= full else 0.0
     for i in range(full):
@@ -382,19 +383,25 @@ def adjoint_lead(adjoint, information, F, decay, U, a):
     for i in range(n):
         for j in range(n):
             U[i, j] = information[i, j] * decay[j] if j >= full else 0.0
-        for k in range(full):
+        for k in range(0, thirds, 3):
+            f, g, h = information[i, k], information[i, k + 1], information[i, k + 2]
+            for j in range(n):
+                U[i, j] += f * F[k, j] + g * F[k + 1, j] + h * F[k + 2, j]
+        for k in range(thirds, full):
             f = information[i, k]
             for j in range(n):
                 U[i, j] += f * F[k, j]
     for i in range(n):
-        for j in range(i, n):
+        for j in range(n):
             information[i, j] = decay[i] * U[i, j] if i >= full else 0.0
-    for k in range(full):
-        for i in range(n):
+        for k in range(0, thirds, 3):
+            f, g, h = F[k, i], F[k + 1, i], F[k + 2, i]
+            for j in range(n):
+                information[i, j] += f * U[k, j] + g * U[k + 1, j] + h * U[k + 2, j]
+        for k in range(thirds, full):
             f = F[k, i]
-            if f != 0.0:
-                for j in range(i, n):
-                    information[i, j] += f * U[k, j]
+            for j in range(n):
+                information[i, j] += f * U[k, j]
     for i in range(n):
         for j in range(i):
             information[i, j] = information[j, i]
