@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -100,7 +101,7 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
     parts = stretches(problem, filtered)
     if not parts or not problem.model.index("wobble").stop:
         return problem
-    buffers = Buffers.of(problem.model.size, max(p.epochs.bounds.size for p in parts))
+    buffers = [Buffers.of(problem.model.size, p.epochs.bounds.size) for p in parts]
     usual = Noise.usual().logs
     part = np.repeat([0.0, LEAST_PART, LEAST_ALONG, 0.0, LEAST_PART], [2 * WAVES, 2, 1, 2, 1])
     with np.errstate(divide="ignore"):
@@ -185,13 +186,15 @@ def _only(part: Problem, use: NDArray[np.bool_]) -> Problem:
     return replace(part, travel=replace(part.travel, variance=np.where(use, part.travel.variance, 0.0)))
 
 
-def _misfit(x: Floats, parts: list[Problem], usual: Floats, buffers: Buffers) -> tuple[float, Floats]:
+def _misfit(x: Floats, parts: list[Problem], usual: Floats, buffers: list[Buffers]) -> tuple[float, Floats]:
     """Minus logarithm of the posterior probability, and its slopes."""
     noise = Noise.of(x)
     value, slope = _prior(x, usual)
-    for part in parts:
-        tried = apply(part, noise)
-        found, travel, model = slopes(tried, buffers), part.travel, tried.model
+    tried = [apply(part, noise) for part in parts]
+    with ThreadPoolExecutor(len(parts)) as pool:
+        all_found = list(pool.map(slopes, tried, buffers))
+    for part, found in zip(parts, all_found, strict=True):
+        travel, model = part.travel, tried[0].model
         known = travel.variance > 0
         moving = known & ~travel.stationary[:, None]
         ride = [np.sum((found.pull[:, c] * travel.travel)[moving[:, c]]) * noise.ride[c - 1] for c in (1, 2)]
