@@ -24,6 +24,7 @@ from deform.nav._kernels_model import (
 from deform.nav._kernels_state import (
     B_COURSE,
     B_DISTANCE,
+    B_MEAN,
     B_SWAY,
     B_WOBBLE,
     COURSE,
@@ -159,11 +160,13 @@ def keep_azimuth(P, dx, C, after, F, variance, gate, buffers, b, used, H, K):
 
 
 @njit(cache=True, error_model="numpy")
-def lead_errors(dx, F, decay, follows, at, led):
+def lead_errors(dx, F, decay, follows, recalls, at, led):
     """Lead errors over an epoch as `drive_wobble` and `predict` lead their covariance."""
     full = F.shape[0]
+    w, u, m = at[B_WOBBLE], at[B_SWAY], at[B_MEAN]
     for i in range(follows.size):
-        dx[at[B_WOBBLE] + i] += follows[i] * dx[at[B_SWAY] + i]
+        dx[m + i % 2] += recalls[i % 2] * dx[w + i]
+        dx[w + i] += follows[i] * dx[u + i]
     for i in range(dx.size):
         led[i] = decay[i] * dx[i]
     for i in range(full):
@@ -199,6 +202,7 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
     axes, row, H, K, unit = np.empty((3, 3)), np.empty(COLUMNS), np.empty(n), np.empty(n), unit_row()
     dx, led, decay, Q = np.zeros(n), np.zeros(n), np.ones(n), np.zeros(n)
     follows, shared = np.zeros((2, 2 * WAVES if at[B_WOBBLE] >= 0 else 0))
+    recalls = np.zeros(2 if at[B_WOBBLE] >= 0 else 0)
     place, v, C = np.empty(3), np.empty(3), np.empty((3, 3))
     no_tilt = np.zeros(tilts.shape[1])
     m = 0
@@ -269,16 +273,16 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
         dead = reckoned or row[GAP] > 0.0  # no force is known in a gap: the odometer leads the position over it
         odometer_rows(row, x, at, axes, change, tilt, D, J)
         lead(row, x, at, dead, axes, J, F)
-        process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R[k], axes, decay, follows, Q, shared)
-        follow_rows(F, at, follows)
-        drive_wobble(P, at, follows)
+        process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R[k], axes, decay, follows, recalls, Q, shared)
+        follow_rows(F, at, follows, recalls)
+        drive_wobble(P, at, follows, recalls)
         predict(P, F, decay, Q, W)
         share_noise(P, at, shared)
         if dead:
             place[0], place[1], place[2] = x[0], x[1], x[2]
             shift_place(place, D[0], D[1], D[2])
             s[0], s[1], s[2] = D[0], D[1], D[2]
-        follow(x, place, v, C, s, axes, decay, follows, at)
+        follow(x, place, v, C, s, axes, decay, follows, recalls, at)
         if fixed:
-            lead_errors(dx, F, decay, follows, at, led)
+            lead_errors(dx, F, decay, follows, recalls, at, led)
             feed_back(x, dx, at)

@@ -36,6 +36,7 @@ from deform.nav._kernels_state import (
     B_GYRO_SHEAR,
     B_LEAN,
     B_LEVER,
+    B_MEAN,
     B_MOUNTING,
     B_SAG,
     B_SCALE,
@@ -47,6 +48,7 @@ from deform.nav._kernels_state import (
     LEAN,
     LEVER,
     MATRIX,
+    MEAN,
     MOUNTING,
     SAG,
     SCALE,
@@ -168,7 +170,7 @@ def track_axes(row, C, axes):
 @njit(cache=True, error_model="numpy")
 def pipe_in_tool(x, tilt):
     """Direction of the pipe against the tool's axis, to the right and up in the level frame (radian), by the state."""
-    aside, rise = 0.0, x[SAG]
+    aside, rise = -x[MEAN], x[SAG] - x[MEAN + 1]
     for i in range(WAVES):
         aside += x[WOBBLE + 2 * i]
         rise += x[WOBBLE + 2 * i + 1]
@@ -248,6 +250,8 @@ def odometer_rows(row, x, at, axes, speed_change, tilt, D, J):
             for w in range(WAVES):
                 J[i, at[B_WOBBLE] + 2 * w] = right
                 J[i, at[B_WOBBLE] + 2 * w + 1] = up
+        if at[B_MEAN] >= 0:
+            J[i, at[B_MEAN]], J[i, at[B_MEAN] + 1] = -right, -up
         if at[B_TILT] >= 0:
             for b in range(BANDS):
                 J[i, at[B_TILT] + 2 * b] = right * tilt[2 * b]
@@ -265,8 +269,9 @@ def unit_row():
 
 
 @njit(cache=True, error_model="numpy")
-def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R, axes, decay, follows, Q, shared):
-    """Fill decay and Q of an epoch, by how much each state of the wobble follows the one that drives it, and their shared noise.
+def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R, axes, decay, follows, recalls, Q, shared):
+    """Fill decay and Q of an epoch, by how much each state of the wobble follows the one that drives it and the mean
+    the wobble, and shared noise.
 
     ``walk`` variance per second, ``travel_walk`` per metre; ``tau`` correlation time and ``reach`` correlation length of a
     Gauss-Markov state (0 = none) of variance ``steady``. ``unknown``: variance per second of gap of attitude and velocity,
@@ -274,7 +279,8 @@ def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R
 
     A component w of the wobble is driven by a Gauss-Markov state u of the same length l: w' = (u - w) / l, u' = -u / l + noise.
     It is smooth: a tool is longer than the short waves that a Gauss-Markov state alone would have. Its covariance is
-    sigma² (1 + d / l) exp(-d / l) over a distance d (Matérn's of order 3/2).
+    sigma² (1 + d / l) exp(-d / l) over a distance d (Matérn's of order 3/2). The mean m of an axis, m' = (sum of w - m) / L, is
+    taken off the sum; ``recalls`` is how much of the sum it takes up in an epoch, before it decays.
     """
     n = decay.size
     T, s = row[DURATION], abs(row[TRAVEL])
@@ -288,6 +294,8 @@ def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R
         fade, follows[i] = decay[w + i] * decay[w + i], f
         Q[w + i] = steady[w + i] * (1.0 - fade * (1.0 + 2.0 * f + 2.0 * f * f))
         shared[i] = steady[w + i] * (1.0 - fade * (1.0 + 2.0 * f))
+    for i in range(recalls.size):
+        recalls[i] = 1.0 / decay[at[B_MEAN] + i] - 1.0
     turn = 0.0
     for j in range(9):
         turn += abs(row[TURN_BY_AXIS + j])
@@ -300,37 +308,43 @@ def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R
 
 
 @njit(cache=True, error_model="numpy")
-def follow_rows(F, at, follows):
+def follow_rows(F, at, follows, recalls):
     """Rows F of a transition become those that act behind `drive_wobble`."""
-    w, u = at[B_WOBBLE], at[B_SWAY]
+    w, u, m = at[B_WOBBLE], at[B_SWAY], at[B_MEAN]
     for i in range(follows.size):
         for r in range(F.shape[0]):
+            F[r, w + i] -= recalls[i % 2] * F[r, m + i % 2]
             F[r, u + i] -= follows[i] * F[r, w + i]
 
 
 @njit(cache=True, error_model="numpy")
-def drive_wobble(P, at, follows):
-    """Covariance when each state of the wobble has taken its part of the one that drives it."""
-    w, u = at[B_WOBBLE], at[B_SWAY]
+def drive_wobble(P, at, follows, recalls):
+    """Covariance when the mean has taken its part of the wobble, and the wobble its part of what drives it."""
+    w, u, m = at[B_WOBBLE], at[B_SWAY], at[B_MEAN]
     for i in range(follows.size):
         for j in range(P.shape[0]):
+            P[m + i % 2, j] += recalls[i % 2] * P[w + i, j]
             P[w + i, j] += follows[i] * P[u + i, j]
     for i in range(follows.size):
         for j in range(P.shape[0]):
+            P[j, m + i % 2] += recalls[i % 2] * P[j, w + i]
             P[j, w + i] += follows[i] * P[j, u + i]
 
 
 @njit(cache=True, error_model="numpy")
-def adjoint_drive_wobble(adjoint, information, at, follows):
+def adjoint_drive_wobble(adjoint, information, at, follows, recalls):
     """Take `drive_wobble` back."""
-    w, u = at[B_WOBBLE], at[B_SWAY]
+    w, u, m = at[B_WOBBLE], at[B_SWAY], at[B_MEAN]
     for i in range(follows.size):
         adjoint[u + i] += follows[i] * adjoint[w + i]
+        adjoint[w + i] += recalls[i % 2] * adjoint[m + i % 2]
         for j in range(adjoint.size):
             information[u + i, j] += follows[i] * information[w + i, j]
+            information[w + i, j] += recalls[i % 2] * information[m + i % 2, j]
     for i in range(follows.size):
         for j in range(adjoint.size):
             information[j, u + i] += follows[i] * information[j, w + i]
+            information[j, w + i] += recalls[i % 2] * information[j, m + i % 2]
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from deform.nav._kernels import COLUMNS, GAP, PARAMETERS, correct_row
+from deform.nav._kernels import COLUMNS, GAP, PARAMETERS, TRAVEL, correct_row
 from deform.nav._kernels_filter import OTHER
 from deform.nav._kernels_model import (
     SUMS,
@@ -20,7 +20,19 @@ from deform.nav._kernels_model import (
     process,
     track_axes,
 )
-from deform.nav._kernels_state import B_DISTANCE, B_SWAY, B_WOBBLE, MATRIX, NAVIGATED, WAVES, adjoint_begin_anew, feed_back
+from deform.nav._kernels_state import (
+    B_DISTANCE,
+    B_MEAN,
+    B_SWAY,
+    B_WOBBLE,
+    MATRIX,
+    MEAN,
+    NAVIGATED,
+    WAVES,
+    WOBBLE,
+    adjoint_begin_anew,
+    feed_back,
+)
 
 PARAMETERS_EVERY = 10  # bounds between two sigmas of the instruments' parameters; in between the last one holds
 
@@ -76,15 +88,46 @@ def smoothed_sigma(P, information, wanted, sigma):
         sigma[m] = math.sqrt(max(P[m, m] - c, 0.0))
 
 
+@njit(cache=True, error_model="numpy")
+def slope_of_mean(x, P, adjoint, information, at, row, F, decay, reach, follows, recalls, v, q, recalled):
+    """Add to ``recalled`` (2,) the slope of the log-likelihood to the logarithm of the length of the wobble's mean, right and up.
+
+    The mean m goes to d m + (1 - d) w, d = exp(-s / length): its slope to d is that of the state along m - w.
+    """
+    n, full, m, first = adjoint.size, F.shape[0], at[B_MEAN], at[B_WOBBLE]
+    for c in range(2):
+        known = x[MEAN + c]
+        for j in range(n):
+            v[j] = P[m + c, j]
+        for i in range(c, follows.size, 2):
+            known -= x[WOBBLE + i]
+            for j in range(n):
+                v[j] -= P[first + i, j]
+        for i in range(follows.size):
+            v[m + i % 2] += recalls[i % 2] * v[first + i]
+            v[first + i] += follows[i] * v[at[B_SWAY] + i]
+        for i in range(n):
+            q[i] = decay[i] * v[i]
+        for i in range(full):
+            q[i] = 0.0
+            for j in range(n):
+                q[i] += F[i, j] * v[j]
+        total = -adjoint[m + c] * known
+        for j in range(n):
+            total += (adjoint[m + c] * adjoint[j] - information[m + c, j]) * q[j]
+        recalled[c] += total * decay[m + c] * abs(row[TRAVEL]) / reach[m + c]
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
-def backward(first, last, travel, span, noise, buffers, adjoint, information, smooth, sigma, pull, drive):
+def backward(first, last, travel, span, noise, buffers, adjoint, information, smooth, sigma, pull, drive, recalled):
     """Smooth the bounds ``first`` ... ``last`` from the buffers of `forward`; adjoint and information come from behind ``last``.
 
     Modified Bryson-Frazier: x_s = x - P adjoint, P_s = P - P information P, with both behind the measurements of the bound.
     Fills smooth (bound, STATE_COLUMNS) and sigma (bound, n); neither when smooth has no rows.
 
     Slopes of the log-likelihood: ``pull`` (epoch, 3) to the variances of the displacement, ``drive`` (n,) to the logarithm of
-    each state's process noise (Koopman 1993; Koopman and Shephard 1992); none when pull has no rows.
+    each state's process noise (Koopman 1993; Koopman and Shephard 1992), ``recalled`` (2,) to those of the lengths of the mean of
+    the wobble, right and up; none when pull has no rows.
     """
     table, speeds, tilts, R = travel
     begins = span[2]
@@ -94,6 +137,7 @@ def backward(first, last, travel, span, noise, buffers, adjoint, information, sm
     F, J, D, axes, row = np.empty((full, n)), np.empty((3, n)), np.empty(3), np.empty((3, 3)), np.empty(COLUMNS)
     decay, Q, dx, g, a, U = np.ones(n), np.zeros(n), np.zeros(n), np.empty(n), np.empty(n), np.empty((n, n))
     follows, shared = np.zeros((2, 2 * WAVES if at[B_WOBBLE] >= 0 else 0))
+    recalls = np.zeros(2 if at[B_WOBBLE] >= 0 else 0)
     wanted, learns = smooth.shape[0] > 0, pull.shape[0] > 0
     for k in range(last, first - 1, -1):
         b = k - first
@@ -105,16 +149,20 @@ def backward(first, last, travel, span, noise, buffers, adjoint, information, sm
             odometer_step(row, x, axes, change, tilt, D)
             odometer_rows(row, x, at, axes, change, tilt, D, J)
             lead(row, x, at, reckoned or row[GAP] > 0.0, axes, J, F)
-            process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R[k], axes, decay, follows, Q, shared)
-            follow_rows(F, at, follows)
+            process(
+                row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R[k], axes, decay, follows, recalls, Q, shared
+            )
+            follow_rows(F, at, follows, recalls)
             if learns:
                 for i in range(n):
                     drive[i] += 0.5 * (adjoint[i] * adjoint[i] - information[i, i]) * Q[i]
                 for i in range(shared.size):
                     w, u = at[B_WOBBLE] + i, at[B_SWAY] + i
                     drive[u] += (adjoint[w] * adjoint[u] - information[w, u]) * shared[i]
+                if recalls.size > 0:
+                    slope_of_mean(x, P, adjoint, information, at, row, F, decay, reach, follows, recalls, g, a, recalled)
             adjoint_lead(adjoint, information, F, decay, U, a)
-            adjoint_drive_wobble(adjoint, information, at, follows)
+            adjoint_drive_wobble(adjoint, information, at, follows, recalls)
         if begins.size > 0 and begins[k] > 0:
             adjoint_begin_anew(adjoint, information, at, begins[k])
         if wanted:

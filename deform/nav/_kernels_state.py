@@ -16,7 +16,8 @@ BANDS = 2  # wave bands of the tilt seen by the arms, each believed by its own s
 MATRIX, GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE = 6, 15, 18, 21, 24
 GYRO_SHEAR, ACCEL_SHEAR, MOUNTING, SCALE, DELAY, SAG, WOBBLE = 27, 30, 35, 37, 38, 39, 40
 SWAY = WOBBLE + 2 * WAVES
-TILT = SWAY + 2 * WAVES
+MEAN = SWAY + 2 * WAVES
+TILT = MEAN + 2
 DISTANCE = TILT + 2 * BANDS
 COURSE = DISTANCE + 1
 LEVER = COURSE + 1
@@ -27,13 +28,13 @@ NAVIGATED = 9  # error states of position, velocity, attitude
 
 # Slots of the error state behind the navigated nine; `at` holds the index of the first state of each, or -1.
 B_GYRO_BIAS, B_ACCEL_BIAS, B_GYRO_SCALE, B_ACCEL_SCALE, B_GYRO_SHEAR, B_ACCEL_SHEAR, B_MOUNTING = 0, 1, 2, 3, 4, 5, 6
-B_SCALE, B_DELAY, B_SAG, B_WOBBLE, B_SWAY, B_TILT, B_DISTANCE, B_COURSE, B_LEVER, B_LEAN = 7, 8, 9, 10, 11, 12, 13, 14, 15, 16
-BLOCKS = 17
+B_SCALE, B_DELAY, B_SAG, B_WOBBLE, B_SWAY, B_MEAN, B_TILT, B_DISTANCE, B_COURSE = 7, 8, 9, 10, 11, 12, 13, 14, 15
+B_LEVER, B_LEAN, BLOCKS = 16, 17, 18
 COLUMN_OF = (
     *(GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE, GYRO_SHEAR, ACCEL_SHEAR, MOUNTING),
-    *(SCALE, DELAY, SAG, WOBBLE, SWAY, TILT, DISTANCE, COURSE, LEVER, LEAN),
+    *(SCALE, DELAY, SAG, WOBBLE, SWAY, MEAN, TILT, DISTANCE, COURSE, LEVER, LEAN),
 )
-SIZE_OF = (3, 3, 3, 3, 3, 5, 2, 1, 1, 1, 2 * WAVES, 2 * WAVES, 2 * BANDS, 1, 1, 1, 2)
+SIZE_OF = (3, 3, 3, 3, 3, 5, 2, 1, 1, 1, 2 * WAVES, 2 * WAVES, 2, 2 * BANDS, 1, 1, 1, 2)
 
 RESET_DISTANCE, RESET_COURSE = 1, 2  # flags of what begins anew behind a bound's measurements
 COURSE_VARIANCE = math.radians(30.0) ** 2  # of the azimuth of a straight stretch before it is seen
@@ -73,7 +74,7 @@ def errors_from(x, base, at, dx):
 
 
 @njit(cache=True, error_model="numpy")
-def follow(x, place, v, C, step, axes, decay, follows, at):
+def follow(x, place, v, C, step, axes, decay, follows, recalls, at):
     """State at the end of an epoch from what was mechanized, ``step`` its displacement; Gauss-Markov parameters fade."""
     x[0], x[1], x[2] = place[0], place[1], place[2]
     x[3], x[4], x[5] = v[0], v[1], v[2]
@@ -81,6 +82,7 @@ def follow(x, place, v, C, step, axes, decay, follows, at):
         for j in range(3):
             x[MATRIX + 3 * i + j] = C[i, j]
     for i in range(follows.size):
+        x[MEAN + i % 2] += recalls[i % 2] * x[WOBBLE + i]
         x[WOBBLE + i] += follows[i] * x[SWAY + i]
     for b in range(BLOCKS):
         if at[b] >= 0:

@@ -9,6 +9,7 @@ from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_continuous_lyapunov
 
 from deform.errors import OptionError
 from deform.nav import _kernels_state as kernels
@@ -18,10 +19,12 @@ Floats = NDArray[np.float64]
 STANDARD_GRAVITY = 9.80665
 
 WOBBLE_LENGTHS_M = (3.0, 6.0, 12.0)  # of the components of the wobble; a corner lies at 2 pi times its length
-# Sigma of each before the data have spoken. Beyond the longest corner, some 75 m, the spectrum is flat: nothing in a tool
-# remembers hundreds of metres but its sag and mounting, states of their own, and longer waves are seen by marks alone. Of the
-# sets of lengths tried these gave simulated and demonstration runs the greatest likelihood.
+# Sigma of each before the data have spoken. Of the sets of lengths tried these gave simulated and demonstration runs the greatest
+# likelihood.
 WOBBLE_DEG = (0.05, 0.05, 0.05)
+# The pipe guides the tool: over this length, which the data correct, the wobble is about zero in the mean (what stays is sag and
+# mounting, states of their own). Beyond 2 pi times this its spectrum falls with the square of the wavelength.
+MEAN_M = 300.0
 SWAY_VARIANCE = 2.0  # of what drives a component of the wobble, against the component's own
 SHEAR_RAD = 1e-4  # askewness of a triad's axes that makers do not state
 SCALE_WALK = 3e-6  # of the odometer's scale per root metre
@@ -65,13 +68,15 @@ SLOTS = {
     "sag": kernels.B_SAG,
     "wobble": kernels.B_WOBBLE,
     "sway": kernels.B_SWAY,
+    "mean": kernels.B_MEAN,
     "tilt": kernels.B_TILT,
     "distance": kernels.B_DISTANCE,
     "course": kernels.B_COURSE,
     "lever": kernels.B_LEVER,
     "lean": kernels.B_LEAN,
 }
-# wobble: direction of the pipe against the tool's axis, to the right and up, for each component; sway: what drives each of these
+# wobble: direction of the pipe against the tool's axis, to the right and up, for each component; sway: what drives each of these;
+# mean: running mean of the wobble, which is taken off it
 # gyro_shear: what the forward gyro sees of turns about right and up, the right one of that about up; what the others see of the
 # roll works as a mounting does
 # accel_shear: what those right and up see of each other's force, the forward one of right and up, those of the forward one's
@@ -87,7 +92,7 @@ MODELS: dict[str, tuple[tuple[str, ...], bool]] = {
     "full": (
         (
             *("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", "gyro_shear", "accel_shear"),
-            *("mounting", "scale", "delay", "sag", "wobble", "sway", "tilt"),
+            *("mounting", "scale", "delay", "sag", "wobble", "sway", "mean", "tilt"),
         ),
         False,
     ),
@@ -145,9 +150,44 @@ class ErrorModel:
     def first_covariance(self) -> Floats:
         """Return the first covariance (n, n) of the states behind the nine, in the nine zero."""
         P = np.diag(self.variance)
-        w, u = np.arange(self.size)[self.index("wobble")], np.arange(self.size)[self.index("sway")]
-        P[w, u] = P[u, w] = self.variance[w]  # what drives the wobble has twice its variance, half of which they share
+        for axis in (0, 1) if self.index("wobble").stop else ():
+            here = self.ride_states(axis)
+            P[np.ix_(here, here)] = self.ride_covariance(axis)
         return P
+
+    def ride_states(self, axis: int) -> NDArray[np.int64]:
+        """Return where wobble, sway and mean of an axis (0 right, 1 up) stand in the error state."""
+        index = np.arange(self.size)
+        return np.concatenate([index[self.index(name)][axis::2] for name in ("wobble", "sway", "mean")])
+
+    def ride_system(self, axis: int) -> Floats:
+        """Return the system matrix (1/m) of the states of `ride_states`: the mean follows the wobble, each component its sway."""
+        n, rate = kernels.WAVES, 1.0 / self.reach[self.ride_states(axis)]
+        A = -np.diag(rate)
+        A[:n, n : 2 * n] = np.diag(rate[:n])
+        A[-1, :n] = rate[-1]
+        return A
+
+    def ride_covariance(self, axis: int, component: int | None = None) -> Floats:
+        """Return the long run's covariance of the states of `ride_states`, or what one component alone adds to it."""
+        n, here, A = kernels.WAVES, self.ride_states(axis), self.ride_system(axis)
+        push = np.zeros_like(A)
+        for c in range(n) if component is None else (component,):
+            push[n + c, n + c] = 2.0 * SWAY_VARIANCE * self.variance[here[c]] / self.reach[here[c]]
+        return solve_continuous_lyapunov(A, -push)
+
+    def ride_slope(self, axis: int) -> Floats:
+        """Return the slope of that covariance to the logarithm of the length of the mean."""
+        A, P = self.ride_system(axis), self.ride_covariance(axis)
+        change = np.zeros_like(A)
+        change[-1] = -A[-1]
+        return solve_continuous_lyapunov(A, -(change @ P + P @ change.T))
+
+    def with_mean(self, length_m: Floats) -> ErrorModel:
+        """Return the model with other lengths (2,) of the mean of the wobble (m), right and up."""
+        reach = self.reach.copy()
+        reach[self.index("mean")] = length_m
+        return replace(self, reach=reach)
 
     def with_biases(self, correlation_s: Floats) -> ErrorModel:
         """Return the model with other correlation times of gyro and accelerometer bias (s)."""
@@ -207,6 +247,7 @@ def blocks_of(header: RunHeader, names: Sequence[str]) -> tuple[Block, ...]:
         "sag": (math.radians(0.1), 0.0, 0.0),
         "wobble": (0.0, 0.0, 0.0),
         "sway": (0.0, 0.0, 0.0),
+        "mean": (0.0, 0.0, 0.0),
         "tilt": (1.0, 0.0, 0.0),
         "distance": (0.0, 0.0, 0.0),
         "course": (math.pi, 0.0, 0.0),
@@ -232,6 +273,8 @@ def assemble(name: str, blocks: Sequence[Block], reckoned: bool, header: RunHead
         if block.name in ("wobble", "sway"):
             factor = SWAY_VARIANCE if block.name == "sway" else 1.0
             variance[here], reach[here] = factor * np.repeat(np.radians(WOBBLE_DEG) ** 2, 2), np.repeat(WOBBLE_LENGTHS_M, 2)
+        if block.name == "mean":
+            reach[here] = MEAN_M
         steady[here] = variance[here] * ((tau[here] > 0) | (reach[here] > 0))
         first += block.size
     known = at[SLOTS["gyro_scale"]] >= 0 and at[SLOTS["gyro_shear"]] >= 0

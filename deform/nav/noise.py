@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from deform.nav._kernels_state import TILT, WAVES, WOBBLE
 from deform.nav.aiding import REST_VARIANCE, RIDE_DENSITY, SpanAid
-from deform.nav.error_model import BIAS_CORRELATION_S, WOBBLE_DEG, WOBBLE_LENGTHS_M
+from deform.nav.error_model import BIAS_CORRELATION_S, MEAN_M, WOBBLE_DEG, WOBBLE_LENGTHS_M
 from deform.nav.filter import BLOCK_EPOCHS, NO_STATES, Buffers, Filtered, Problem, Start, run_forward
 from deform.nav.smoother import slopes
 from deform.nav.strapdown import Epochs
@@ -30,11 +30,13 @@ ROUNDS, ITERATIONS, MOST_STEP = 6, 12, 2.5  # a round lets a logarithm go so far
 # Noise of the velocity within an epoch moves the tool as well, and the filter lets it begin at the epoch's end; errors of a wheel
 # last longer than an epoch. A noise of the displacement below these parts of the usual one would stand for these only.
 LEAST_PART, LEAST_ALONG = 0.08, 0.04
+LEAST_MEAN_M = 10.0  # a shorter mean would only be one more shape of the components
 
 # What is expected of a tool: spreads of logarithms of powers and variances before the data have spoken
 WOBBLE_SPREAD, SHAPE_SPREAD = 2.0, 2.0  # of the wobble's variances against a usual tool's; of neighbours, and of right and up
 RIDE_SPREAD, ALONG_SPREAD, REST_SPREAD = 3.0, 3.0, 3.0
 BIAS_SPREAD = 2.0  # of the correlation times of the biases
+MEAN_SPREAD = 1.5  # of the length of the wobble's mean
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class Noise:
     along : factor on the odometer's own variance.
     bias_s : (2,) correlation times of gyro and accelerometer bias (s).
     rest : variance of the displacement at rest within an epoch (m²).
+    mean : (2,) length over which the wobble is about zero in the mean, right and up (m).
     """
 
     wobble: Floats
@@ -55,23 +58,24 @@ class Noise:
     along: float
     bias_s: Floats
     rest: float
+    mean: Floats
 
     @property
     def logs(self) -> Floats:
         """Logarithms, as the search uses them."""
-        return np.log(np.concatenate([self.wobble.ravel(), self.ride, [self.along], self.bias_s, [self.rest]]))
+        return np.log(np.concatenate([self.wobble.ravel(), self.ride, [self.along], self.bias_s, [self.rest], self.mean]))
 
     @classmethod
     def of(cls, logs: Floats) -> Noise:
         """Return the noise of such logarithms."""
         rest = np.exp(logs[2 * WAVES :])
-        return cls(np.exp(logs[: 2 * WAVES]).reshape(WAVES, 2), rest[:2], float(rest[2]), rest[3:5], float(rest[5]))
+        return cls(np.exp(logs[: 2 * WAVES]).reshape(WAVES, 2), rest[:2], float(rest[2]), rest[3:5], float(rest[5]), rest[6:8])
 
     @classmethod
     def usual(cls) -> Noise:
         """Noise of a usual tool."""
         wobble = np.repeat(np.radians(WOBBLE_DEG)[:, None] ** 2, 2, axis=1)
-        return cls(wobble, np.full(2, RIDE_DENSITY), 1.0, np.full(2, BIAS_CORRELATION_S), REST_VARIANCE)
+        return cls(wobble, np.full(2, RIDE_DENSITY), 1.0, np.full(2, BIAS_CORRELATION_S), REST_VARIANCE, np.full(2, MEAN_M))
 
 
 def learn(problem: Problem, filtered: Filtered) -> Problem:
@@ -88,8 +92,9 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
     marks: the inertial unit is the witness. Its slopes are exact and come from one smoothing pass, so that a quasi-Newton search
     needs some tens of passes. A broad prior holds what the data cannot see: long waves on a short line, or under a poor unit.
 
-    The components of the wobble have fixed lengths: their variances alone are sought, and the sum has any spectrum that does not
-    fall towards long waves and does not rise faster than the fourth power of the wavelength.
+    The components of the wobble have fixed lengths: their variances are sought, and the length over which their sum is about zero
+    in the mean. So the spectrum rises towards long waves, with the fourth power of the wavelength at most, and falls beyond the
+    length of the mean with its square.
 
     A displacement beyond `OUTLIER` sigma is left out, and the search begun anew, until the same ones are out. (To count it at a
     bound instead rewards a small sigma as soon as many lie beyond: with the heading lost in a gap the noise then collapsed.)
@@ -103,7 +108,7 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
         return problem
     buffers = [Buffers.of(problem.model.size, p.epochs.bounds.size) for p in parts]
     usual = Noise.usual().logs
-    part = np.repeat([0.0, LEAST_PART, LEAST_ALONG, 0.0, LEAST_PART], [2 * WAVES, 2, 1, 2, 1])
+    part = np.repeat([0.0, LEAST_PART, LEAST_ALONG, 0.0, LEAST_PART, LEAST_MEAN_M / MEAN_M], [2 * WAVES, 2, 1, 2, 1, 2])
     with np.errstate(divide="ignore"):
         least = usual + np.log(part)
     x, used, settled = usual.copy(), [np.zeros((0, 3), bool)] * len(parts), False
@@ -122,16 +127,20 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
     return apply(problem, noise)
 
 
-def wobble_spectrum(variance: Floats, wavelength: Floats) -> Floats:
-    """Return the two-sided power spectral density (radian² m) of the wobble at wavelengths (m), right and up: (wavelength, 2)."""
-    lengths = np.array(WOBBLE_LENGTHS_M)
-    return 4.0 * lengths / (1.0 + (2.0 * np.pi * lengths / np.asarray(wavelength, float)[:, None]) ** 2) ** 2 @ variance
+def wobble_spectrum(variance: Floats, mean: Floats, wavelength: Floats) -> Floats:
+    """Return the two-sided power spectral density (radian² m) of the wobble at wavelengths (m), right and up: (wavelength, 2).
+
+    ``variance`` (component, 2) of the components, ``mean`` (2,) length of the mean that is taken off (m).
+    """
+    lengths, k = np.array(WOBBLE_LENGTHS_M), 2.0 * np.pi / np.asarray(wavelength, float)[:, None]
+    kept = 1.0 - 1.0 / (1.0 + (k * mean) ** 2)
+    return kept * (4.0 * lengths / (1.0 + (k * lengths) ** 2) ** 2 @ variance)
 
 
 def apply(problem: Problem, noise: Noise) -> Problem:
     """Return the problem with such noise."""
-    model = problem.model.with_wobble(noise.wobble).with_biases(noise.bias_s)
-    here = np.r_[model.index("wobble"), model.index("sway")]
+    model = problem.model.with_wobble(noise.wobble).with_mean(noise.mean).with_biases(noise.bias_s)
+    here = np.r_[model.index("wobble"), model.index("sway"), model.index("mean")]
     P = problem.start.covariance.copy()
     P[here, :] = P[:, here] = 0.0
     P[np.ix_(here, here)] = model.first_covariance()[np.ix_(here, here)]
@@ -203,13 +212,15 @@ def _misfit(x: Floats, parts: list[Problem], usual: Floats, buffers: list[Buffer
         wobble = found.drive[model.index("wobble")] + found.drive[model.index("sway")]
         rest = found.pull[known & travel.stationary[:, None]].sum() * noise.rest
         value -= found.score
-        slope -= np.concatenate([wobble, ride, [along], bias, [rest]])
+        slope -= np.concatenate([wobble, ride, [along], bias, [rest], found.recalled])
     return value, slope
 
 
 def _prior(x: Floats, usual: Floats) -> tuple[float, Floats]:
     """Minus logarithm of the prior: variances near usual ones, those of the wobble off alike at neighbouring lengths."""
-    spread = np.repeat([WOBBLE_SPREAD, RIDE_SPREAD, ALONG_SPREAD, BIAS_SPREAD, REST_SPREAD], [2 * WAVES, 2, 1, 2, 1])
+    spread = np.repeat(
+        [WOBBLE_SPREAD, RIDE_SPREAD, ALONG_SPREAD, BIAS_SPREAD, REST_SPREAD, MEAN_SPREAD], [2 * WAVES, 2, 1, 2, 1, 2]
+    )
     off = x - usual
     value, slope = 0.5 * float(np.sum((off / spread) ** 2)), off / spread**2
     wobble, pull = off[: 2 * WAVES].reshape(WAVES, 2), np.zeros((WAVES, 2))
@@ -224,10 +235,13 @@ def _prior(x: Floats, usual: Floats) -> tuple[float, Floats]:
 def _tell(noise: Noise) -> None:
     edges = np.array([10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0])
     waves = np.geomspace(edges[0], edges[-1], 501)
-    S = wobble_spectrum(noise.wobble, waves)
+    S = wobble_spectrum(noise.wobble, noise.mean, waves)
     bands = [(waves >= a) & (waves <= b) for a, b in pairwise(edges)]
     rms = [np.degrees(np.sqrt(-2.0 * np.trapezoid(S[b], 1.0 / waves[b], axis=0))) for b in bands]
-    log.info("wobble of the tool in bands %s m: right %s, up %s degree; ride %.1e, %.1e m²/m; odometer's sigma x %.2f; "
-             "biases stand for %.0f, %.0f s; rest %.1e m", "-".join(f"{e:.0f}" for e in edges),
-             *(" ".join(f"{r[c]:.3f}" for r in rms) for c in (0, 1)), *noise.ride, math.sqrt(noise.along), *noise.bias_s,
-             math.sqrt(noise.rest))  # fmt: skip
+    right, up = (" ".join(f"{r[c]:.3f}" for r in rms) for c in (0, 1))
+    log.info(
+        "wobble of the tool in bands %s m: right %s, up %s degree, about zero in the mean over %.0f, %.0f m; "
+        "ride %.1e, %.1e m²/m; odometer's sigma x %.2f; biases stand for %.0f, %.0f s; rest %.1e m",
+        *("-".join(f"{e:.0f}" for e in edges), right, up, *noise.mean),
+        *(*noise.ride, math.sqrt(noise.along), *noise.bias_s, math.sqrt(noise.rest)),
+    )

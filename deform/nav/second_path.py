@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from deform.geometry import earth
 from deform.geometry.rotation import matrix_to_attitude
@@ -84,11 +85,17 @@ def second_path(solution: Solution) -> SecondPath:
 
 
 def swung(model: ErrorModel, way: Floats) -> Floats:
-    """Variance (m²) of the path across the pipe by the wobble summed over a way (m), of the worse of right and up."""
-    here = model.index("wobble")
-    length, variance = model.reach[here][::2, None], model.steady[here].reshape(-1, 2).max(axis=1, initial=0.0)[:, None]
-    far = way / length
-    return np.sum(2.0 * variance * length**2 * (2.0 * far - 3.0 + (3.0 + far) * np.exp(-far)), axis=0)
+    """Variance (m²) of the path across the pipe by the wobble summed over a way (m), of the worse of right and up.
+
+    The wobble is its length L times the change of its mean m (`error_model.compose`): summed up it is L (m(s) - m(0)).
+    """
+    worst = np.zeros(np.shape(way))
+    for axis in (0, 1) if model.index("wobble").stop else ():
+        A, P = model.ride_system(axis), model.ride_covariance(axis)
+        grid = np.geomspace(1e-3, 30.0, 200) / -A[-1, -1]
+        variance = 2.0 * (P[-1, -1] - (expm(A * grid[:, None, None]) @ P)[:, -1, -1]) / A[-1, -1] ** 2
+        worst = np.maximum(worst, np.interp(way, np.append(0.0, grid), np.append(0.0, variance)))
+    return worst
 
 
 def _degrees(places: Floats) -> tuple[Floats, Floats, Floats]:

@@ -64,7 +64,9 @@ def smooth(problem: Problem, filtered: Filtered) -> Smoothed:
             first, last, buffers = coming.result()
             if i + 1 < len(parts):
                 coming = beside.submit(filtered_again, i + 1)
-            kernels.backward(first, last, *fixed, buffers.arguments, adjoint, information, *wanted, NOTHING, np.empty(0))
+            kernels.backward(
+                first, last, *fixed, buffers.arguments, adjoint, information, *wanted, NOTHING, np.empty(0), np.empty(0)
+            )
     return result
 
 
@@ -77,11 +79,13 @@ class Slopes:
     score : log-likelihood of the innovations of the travel.
     pull : (epoch, 3) its slope to the variances of the displacement along, right, up; zero where there was none.
     drive : (n,) its slope to the logarithm of each state's noise, first covariance of the wobble included.
+    recalled : (2,) its slope to the logarithms of the lengths of the wobble's mean, right and up.
     """
 
     score: float
     pull: Floats
     drive: Floats
+    recalled: Floats
 
 
 def slopes(problem: Problem, buffers: Buffers) -> Slopes:
@@ -94,11 +98,16 @@ def slopes(problem: Problem, buffers: Buffers) -> Slopes:
     model, last, out = problem.model, problem.epochs.bounds.size - 1, Innovations.of(problem)
     n = model.size
     run_block(problem, 0, last, problem.start.state.copy(), problem.start.covariance.copy(), buffers, out)
-    adjoint, information, pull, drive = np.zeros(n), np.zeros((n, n)), np.zeros((last, 3)), np.zeros(n)
+    adjoint, information, pull, drive, recalled = np.zeros(n), np.zeros((n, n)), np.zeros((last, 3)), np.zeros(n), np.zeros(2)
     nowhere = np.empty((0, STATE_COLUMNS)), np.empty((0, n))
     fixed = problem.moves, problem.spans.arguments, model.arguments, buffers.arguments
-    kernels.backward(0, last, *fixed, adjoint, information, *nowhere, pull, drive)
-    w, u = (np.arange(n)[model.index(name)] for name in ("wobble", "sway"))  # their first covariance is that of the long run
-    push, first = np.outer(adjoint, adjoint) - information, model.first_covariance()
-    drive[u] += 0.5 * (push[w, w] * first[w, w] + 2.0 * push[w, u] * first[w, u] + push[u, u] * first[u, u])
-    return Slopes(float(out.score.sum()), pull, drive)
+    kernels.backward(0, last, *fixed, adjoint, information, *nowhere, pull, drive, recalled)
+    u = np.arange(n)[model.index("sway")]
+    push = np.outer(adjoint, adjoint) - information
+    for axis in (0, 1):  # the first covariance of the wobble is that of the long run
+        here = model.ride_states(axis)
+        pushed = push[np.ix_(here, here)]
+        for component in range(u.size // 2):
+            drive[u[2 * component + axis]] += 0.5 * float(np.sum(pushed * model.ride_covariance(axis, component)))
+        recalled[axis] += 0.5 * float(np.sum(pushed * model.ride_slope(axis)))
+    return Slopes(float(out.score.sum()), pull, drive, recalled)

@@ -47,7 +47,9 @@ def problem_of(model="full", duration=700.0, seed=0, marks_every=200.0, mark_sig
     state = np.zeros(kernels.STATE_COLUMNS)
     turn = noise.standard_normal(3) * np.sqrt(variance[6:9])
     state[:3], state[6:15] = run.places[0], (rotation_vector_to_matrix(turn) @ run.attitudes[0]).ravel()
-    return run, Problem(epochs, travel, marks, error_model, Start(state, np.diag(variance)))
+    covariance = error_model.first_covariance()
+    covariance[:9, :9] = np.diag(variance[:9])
+    return run, Problem(epochs, travel, marks, error_model, Start(state, covariance))
 
 
 def without(run, begin, end):
@@ -87,7 +89,8 @@ def test_smoother_equals_the_plain_twin():
     F, J, D, axes = np.empty((9, n)), np.empty((3, n)), np.empty(3), np.empty((3, 3))
     row, decay, Q = np.empty(table.shape[1]), np.ones(n), np.zeros(n)
     w, u = (np.arange(n)[model.index(name)] for name in ("wobble", "sway"))
-    follows, shared = np.zeros(w.size), np.zeros(w.size)
+    m = np.arange(n)[model.index("mean")]
+    follows, shared, recalls = np.zeros(w.size), np.zeros(w.size), np.zeros(2)
     at, reckoned, *noise = model.arguments
     for k in range(n_bounds - 1):
         s, change = buffers.states[k], travel.speeds[k + 1] - travel.speeds[k]
@@ -96,10 +99,11 @@ def test_smoother_equals_the_plain_twin():
         _kernels_model.odometer_step(row, s, axes, change, travel.tilt[k], D)
         _kernels_model.odometer_rows(row, s, at, axes, change, travel.tilt[k], D, J)
         _kernels_model.lead(row, s, at, False, axes, J, F)
-        _kernels_model.process(row, at, *noise, reckoned, travel.variance[k], axes, decay, follows, Q, shared)
+        _kernels_model.process(row, at, *noise, reckoned, travel.variance[k], axes, decay, follows, recalls, Q, shared)
         full, drive = np.diag(decay), np.diag(Q)
         full[:9] = F
         full[w, u] = decay[w] * follows
+        full[np.tile(m, w.size // 2), w] = np.tile(decay[m] * recalls, w.size // 2)
         drive[w, u] = drive[u, w] = shared
         transitions.append(full)
         predicted.append(full @ buffers.covariances[k] @ full.T + drive)

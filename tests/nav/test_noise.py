@@ -26,7 +26,9 @@ def rms_deg(problem):
     """Root mean square (degree) right and up of the wobble learned, over waves of 10 to 250 m."""
     here = problem.model.index("wobble")
     waves = np.geomspace(10.0, 250.0, 400)
-    density = noise.wobble_spectrum(problem.model.steady[here].reshape(-1, 2), waves)
+    density = noise.wobble_spectrum(
+        problem.model.steady[here].reshape(-1, 2), problem.model.reach[problem.model.index("mean")], waves
+    )
     return np.degrees(np.sqrt(-2.0 * np.trapezoid(density, 1.0 / waves, axis=0)))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_discrete_lyapunov
 
 from deform.nav import _kernels, _kernels_model
 from deform.nav.error_model import WOBBLE_LENGTHS_M
@@ -23,39 +24,61 @@ def model():
     return problem_of()[1].model
 
 
-@pytest.mark.parametrize("travel", [0.3, 4.0, -4.0, 40.0])
-def test_an_epoch_keeps_the_variance_and_leaves_the_covariance_of_its_length(model, travel):
-    n, w, u = model.size, model.index("wobble"), model.index("sway")
+def step(model, travel):
+    """Transition and noise covariance (n, n) of the states behind the nine over an epoch of this travel."""
+    n, w, u, m = (*(model.size,), *(model.index(name) for name in ("wobble", "sway", "mean")))
     row = np.zeros(_kernels.COLUMNS)
     row[_kernels.TRAVEL], row[_kernels.SENSE] = travel, 1.0
     at, reckoned, *noise = model.arguments
-    decay, Q, (follows, shared) = np.ones(n), np.zeros(n), np.zeros((2, w.stop - w.start))
-    _kernels_model.process(row, at, *noise, reckoned, np.zeros(3), np.eye(3), decay, follows, Q, shared)
-    first = model.first_covariance()
-    F = np.diag(decay)
+    decay, Q, (follows, shared), recalls = np.ones(n), np.zeros(n), np.zeros((2, w.stop - w.start)), np.zeros(2)
+    _kernels_model.process(row, at, *noise, reckoned, np.zeros(3), np.eye(3), decay, follows, recalls, Q, shared)
+    F, drive = np.diag(decay), np.diag(Q)
     F[w, u] = np.diag(decay[w] * follows)
-    drive = np.diag(Q)
+    F[m, w] = np.tile(np.diag(decay[m] * recalls), 3)
     drive[w, u] = drive[u, w] = np.diag(shared)
-    here = np.r_[w, u]
+    return F, drive
+
+
+@pytest.mark.parametrize("travel", [0.3, 4.0, -4.0, 40.0])
+def test_an_epoch_keeps_the_variance_and_leaves_the_covariance_of_its_length(model, travel):
+    w, here = model.index("wobble"), np.r_[model.index("wobble"), model.index("sway")]
+    first, (F, drive) = model.first_covariance(), step(model, travel)
     after = (F @ first @ F.T + drive)[np.ix_(here, here)]
     np.testing.assert_allclose(after, first[np.ix_(here, here)], rtol=1e-9, atol=1e-18)
     lengths = np.repeat(WOBBLE_LENGTHS_M, 2)
     np.testing.assert_allclose(np.diag((F @ first)[w, w]), model.variance[w] * covariance(lengths, travel), rtol=1e-9)
 
 
-def test_spectrum_holds_the_variance(model):
-    frequency = np.concatenate([[0.0], np.geomspace(1e-6, 1e2, 20001)])
-    density = wobble_spectrum(model.variance[model.index("wobble")].reshape(-1, 2), 1.0 / np.maximum(frequency, 1e-12))
-    total = model.variance[model.index("wobble")].reshape(-1, 2).sum(axis=0)
-    np.testing.assert_allclose(2.0 * np.trapezoid(density, frequency, axis=0), total, rtol=1e-3)
+@pytest.mark.parametrize("travel", [0.2, 1.5])
+def test_the_mean_of_the_wobble_settles_where_its_long_run_lies(model, travel):
+    model = model.with_mean([60.0, 400.0])
+    here = np.concatenate([model.ride_states(axis) for axis in (0, 1)])
+    F, drive = (matrix[np.ix_(here, here)] for matrix in step(model, travel))
+    settled = solve_discrete_lyapunov(F, drive)
+    first = model.first_covariance()[np.ix_(here, here)]
+    scale = np.sqrt(np.diag(first))
+    np.testing.assert_allclose(settled / np.outer(scale, scale), first / np.outer(scale, scale), atol=0.05 * travel)
 
 
-def test_the_path_swings_by_the_double_integral_of_the_covariance(model):
-    way = 70.0
-    apart = np.linspace(0.0, way, 20001)
-    variance = model.steady[model.index("wobble")].reshape(-1, 2).max(axis=1)
-    by_sum = sum(
-        2.0 * v * np.trapezoid((way - apart) * covariance(x, apart), apart)
-        for v, x in zip(variance, WOBBLE_LENGTHS_M, strict=True)
-    )
-    assert swung(model, np.array([way]))[0] == pytest.approx(by_sum, rel=1e-6)
+def density(model, frequency):
+    """Spectrum (frequency, 2), two-sided, of the wobble of the model."""
+    variance = model.variance[model.index("wobble")].reshape(-1, 2)
+    return wobble_spectrum(variance, model.reach[model.index("mean")], 1.0 / frequency)
+
+
+def test_spectrum_holds_the_variance_of_wobble_without_its_mean(model):
+    frequency = np.geomspace(1e-7, 1e2, 40001)
+    total = []
+    for axis in (0, 1):
+        take = np.array([1.0] * len(WOBBLE_LENGTHS_M) + [0.0] * len(WOBBLE_LENGTHS_M) + [-1.0])
+        total.append(take @ model.ride_covariance(axis) @ take)
+    np.testing.assert_allclose(2.0 * np.trapezoid(density(model, frequency), frequency, axis=0), total, rtol=1e-3)
+
+
+@pytest.mark.parametrize("way", [5.0, 70.0, 2000.0])
+def test_the_path_swings_by_what_its_spectrum_sums_up_to(model, way):
+    model = model.with_mean([100.0, 300.0])
+    frequency = np.geomspace(1e-7, 1e1, 200001)
+    passed = (np.sin(np.pi * frequency * way) / (np.pi * frequency)) ** 2
+    summed = 2.0 * np.trapezoid(density(model, frequency) * passed[:, None], frequency, axis=0)
+    assert swung(model, np.array([way]))[0] == pytest.approx(summed.max(), rel=2e-3)
