@@ -128,12 +128,3 @@ def adjoint_begin_anew(adjoint, information, at, flags):
     if flags & RESET_COURSE and at[B_COURSE] >= 0:
         adjoint[at[B_COURSE]] = 0.0
         forget(information, at[B_COURSE], 0.0)
-
-
-@njit(cache=True, error_model="numpy")
-def turn_between(x, y):
-    """Angle (radian) between the attitudes of two states."""
-    trace = 0.0
-    for j in range(9):
-        trace += x[MATRIX + j] * y[MATRIX + j]
-    return math.acos(min(max(0.5 * (trace - 1.0), -1.0), 1.0))

@@ -140,8 +140,8 @@ def _about_its_path(problem: Problem) -> Problem:
 
     Notes
     -----
-    Iterated smoothing (Bell 1994, SIAM J. Optim. 4, 626-636). About its own estimates a filter whose azimuth moves by degrees
-    takes each of them for another direction of north and so learns an azimuth from gyros that cannot tell it.
+    Iterated smoothing (Bell 1994, SIAM J. Optim. 4, 626-636): where the first azimuth is unknown by degrees, or drifts by degrees
+    unseen between marks, the path that the filter was linear about is not the one that the marks leave.
     """
     for _ in range(MOST_ROUNDS):
         smoothed = _pass(problem)[1]
