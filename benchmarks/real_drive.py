@@ -17,7 +17,7 @@ from deform.nav.navigate import aid_of, counts_of, navigate
 from deform.nav.odometer import combine
 from deform.nav.strapdown import epoch_bounds, preintegrate
 from deform.options import NavigationOptions
-from tests.nav.kingston import REST_S, Drive, at_reference, drive, errors, heading_at_rest, reference_sigma, wrapped
+from tests.nav.kingston import REST_S, Drive, at_reference, drive, errors, heading_at_rest, reference_error, wrapped
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "real" / "kingston2008"
 
@@ -31,7 +31,7 @@ def coarse(run: Drive) -> tuple[float, float]:
     return float(aligned.angles[0]), float(aligned.angle_sigma[0])
 
 
-def row(run: Drive, model: str, theirs: np.ndarray, headings: tuple[float, float]) -> str:
+def row(run: Drive, model: str, theirs: float, headings: tuple[float, float]) -> str:
     """What one error model makes of the drive."""
     busy = time.process_time()
     found = navigate(run.raw, NavigationOptions(error_model=model))
@@ -46,7 +46,7 @@ def row(run: Drive, model: str, theirs: np.ndarray, headings: tuple[float, float
         f"{model}: rms {np.sqrt(np.mean(level**2)):.2f} m horizontal (bar 10), {np.sqrt(np.mean(up**2)):.2f} m up, "
         f"largest {level.max():.1f} m horizontal; {busy:.0f} s of processor",
         f"inside 1.96 sigma, east, north, up: {', '.join(f'{x:.2f}' for x in alone)}; "
-        f"with the reference's own sigma {', '.join(f'{x:.2f}' for x in both)}",
+        f"with the reference's error {', '.join(f'{x:.2f}' for x in both)}",
         f"smoothed heading at rest off by {wrapped(heading - back):+.2f}° (stated {stated:.2f}°, bar 1°); "
         f"from the reference as it stands there {wrapped(heading - there):+.2f}°",
         f"remarks: {found.diagnostics.attrs['remarks'] or 'none'}",
@@ -59,13 +59,15 @@ def main() -> None:
         print("the recorded drive is not here (shared/data/real/kingston2008): nothing measured")
         return
     run = drive(DATA)
-    theirs = reference_sigma(run)
+    theirs, passed = reference_error(run)
+    stated = np.median(run.fix_sigma, axis=0)
     there, back, scatter = heading_at_rest(run)
     azimuth, sigma = coarse(run)
     limit = np.degrees(np.radians(run.raw.header.imu.gyro_bias_deg_per_h / 3600) / earth_rate(run.latitude[0])[1])
     print(
         f"{run.distance[-1] / 1000:.1f} km, {run.raw.passages.sizes['marker']} marks; the receiver states for its fixes, median: "
-        f"{np.median(theirs[:, 0]):.1f} m horizontal, {np.median(theirs[:, 2]):.1f} m up"
+        f"{np.hypot(stated[0], stated[1]) / np.sqrt(2.0):.1f} m horizontal, {stated[2]:.1f} m up; "
+        f"its heights on roads passed again ({passed} places) err by {theirs:.2f} m"
     )
     print(f"heading of the standstill: {there:.2f}° by the reference there, {back:.2f} ± {scatter:.2f}° by its drive, led back")
     print(f"coarse, over the rest alone: {azimuth:.2f} ± {sigma:.2f}°, off by {wrapped(azimuth - back):+.2f}° "

@@ -24,6 +24,8 @@ from deform.nav._kernels_model import (
 from deform.nav._kernels_state import (
     B_COURSE,
     B_DISTANCE,
+    B_MEAN,
+    B_SWAY,
     B_WOBBLE,
     COURSE,
     DISTANCE,
@@ -31,12 +33,14 @@ from deform.nav._kernels_state import (
     NAVIGATED,
     WAVES,
     begin_anew,
+    begin_errors_anew,
+    errors_from,
     feed_back,
     follow,
 )
 
 MOST_MARKS = 3  # at one bound; `aiding.mark_aid` hands on no more
-MOST_SCALARS = 5 + 3 * MOST_MARKS  # scalar measurements at one bound: a joint, an azimuth, 3 of each mark, 3 of travel
+MOST_SCALARS = 6 + 3 * MOST_MARKS  # scalar measurements at one bound: a joint, an azimuth, 3 of each mark, 3 of travel, a rest
 OTHER = -1.0  # kind of a measurement that is none of the travel's three components
 
 
@@ -63,23 +67,23 @@ def scalar_update(P, dx, H, z, R, gate, K):
     if gate > 0.0 and innovation * innovation > gate * gate * s:
         s = abs(innovation) * math.sqrt(s) / gate if abs(innovation) < 3.0 * gate * math.sqrt(s) else innovation * innovation
         s = max(s, expected)
+    root = math.sqrt(s)
     for i in range(n):
-        k = K[i] / s
-        dx[i] += k * innovation
+        K[i] /= root
+        dx[i] += K[i] * innovation / root
+    for i in range(n):  # whole rows, not a triangle and its mirror: columns are slow to write
+        k = K[i]
+        for j in range(n):
+            P[i, j] -= k * K[j]
     for i in range(n):
-        ki = K[i] / s
-        for j in range(i, n):
-            P[i, j] -= ki * K[j]
-            P[j, i] = P[i, j]
-    for i in range(n):
-        K[i] /= s
+        K[i] /= root
     return innovation, s, expected
 
 
 @njit(cache=True, error_model="numpy")
 def note(buffers, b, used, H, K, innovation, s, kind):
     """Keep a measurement for the smoother when there is room for it; return the number kept."""
-    _, _, counts, Hs, Ks, news = buffers
+    counts, Hs, Ks, news = buffers[2:6]
     if counts.size > 0:
         Hs[b, used], Ks[b, used] = H, K
         news[b, used, 0], news[b, used, 1], news[b, used, 2] = innovation, s, kind
@@ -139,29 +143,64 @@ def keep_course(x, P, dx, at, axes, D, J, variance, gate, buffers, b, used, H, K
     return note(buffers, b, used, H, K, innovation, s, OTHER)
 
 
+@njit(cache=True, error_model="numpy")
+def keep_azimuth(P, dx, C, after, F, variance, gate, buffers, b, used, H, K):
+    """Take in that a tool at rest does not turn about the vertical; by the gyros it does from C to ``after``, F as in `lead`.
+
+    Its level axes are left to the displacement at rest, which sees the same noise of the gyros as a tilt.
+    """
+    turn = 0.0
+    for j in range(3):
+        turn += 0.5 * (after[1, j] * C[0, j] - after[0, j] * C[1, j])
+    for j in range(dx.size):
+        H[j] = F[8, j]
+    H[8] -= 1.0
+    innovation, s, _ = scalar_update(P, dx, H, -turn, variance, gate, K)
+    return note(buffers, b, used, H, K, innovation, s, OTHER)
+
+
+@njit(cache=True, error_model="numpy")
+def lead_errors(dx, F, decay, follows, recalls, at, led):
+    """Lead errors over an epoch as `drive_wobble` and `predict` lead their covariance."""
+    full = F.shape[0]
+    w, u, m = at[B_WOBBLE], at[B_SWAY], at[B_MEAN]
+    for i in range(follows.size):
+        dx[m + i % 2] += recalls[i % 2] * dx[w + i]
+        dx[w + i] += follows[i] * dx[u + i]
+    for i in range(dx.size):
+        led[i] = decay[i] * dx[i]
+    for i in range(full):
+        led[i] = 0.0
+        for j in range(dx.size):
+            led[i] += F[i, j] * dx[j]
+    dx[:] = led
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
-def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, mark_news, score, turned):
+def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, mark_news, score, turned, about):
     """Filter the bounds ``first`` ... ``last``; x and P, the state before the first's measurements, are led on behind the last.
 
     travel : table of epochs, speeds at the bounds, tilt of the arms and variances of the displacement (epoch, 3), 0 for none.
     mark : bound, place, variance along, across, up, and lateness of each mark.
     span : (bound, 2) length of the joint that ends there (NaN for none) and its variance; (bound,) variance of the azimuth of a
-        straight stretch, 0 for none; (bound,) flags of what begins anew.
+        straight stretch, 0 for none; (bound,) flags of what begins anew; (epoch,) variance of the turn about up at rest.
     noise : at, reckoned, walk, travel_walk, tau, reach, steady, unknown as `process` takes them.
-    buffers : states, covariances behind the measurements of each bound, and the measurements; kept when they have rows.
+    buffers : states, covariances behind the measurements of each bound, the measurements, and the errors against the states;
+        kept when they have rows.
+    about : (bound, STATE_COLUMNS) states about which everything is linear; without rows about the state estimated at each bound.
 
     ``news`` (epoch, 3) takes the innovations of the travel along, right, up over their sigma, ``mark_news`` (mark, 6) those of
     the marks along, across, up and their variances. ``score`` (3,) gathers the log-likelihood of the travel's innovations, those
     beyond the gate by the tails of Huber's density; ``turned`` (bound, 9), when it has rows, the attitudes.
     """
     table, speeds, tilts, R = travel
-    joint, straight, begins = span
+    joint, straight, begins, resting = span
     at, reckoned, walk, travel_walk, tau, reach, steady, unknown = noise
-    keep = buffers[2].size > 0
+    keep, fixed = buffers[2].size > 0, about.shape[0] > 0
     n, full = P.shape[0], NAVIGATED + (1 if at[B_DISTANCE] >= 0 else 0)
     F, J, W, D, s = np.empty((full, n)), np.empty((3, n)), np.empty((full, n)), np.empty(3), np.empty(3)
     axes, row, H, K, unit = np.empty((3, 3)), np.empty(COLUMNS), np.empty(n), np.empty(n), unit_row()
-    dx, decay, Q = np.zeros(n), np.ones(n), np.zeros(n)
+    dx, led, decay, Q = np.zeros(n), np.zeros(n), np.ones(n), np.zeros(n)
     follows, shared = np.zeros((2, 2 * WAVES if at[B_WOBBLE] >= 0 else 0))
     recalls = np.zeros(2 if at[B_WOBBLE] >= 0 else 0)
     place, v, C = np.empty(3), np.empty(3), np.empty((3, 3))
@@ -175,6 +214,9 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
         tilt = tilts[k] if moves else no_tilt
         used = 0
         dx[:] = 0.0
+        if fixed:
+            errors_from(x, about[k], at, dx)
+            x[:] = about[k]
         if joint.shape[0] > 0 and joint[k, 0] == joint[k, 0]:
             used = end_joint(x, P, dx, at, joint[k, 0], joint[k, 1], gate, buffers, b, used, H, K)
         if straight.size > 0 and straight[k] > 0.0:
@@ -207,15 +249,21 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
                 square = size * size if gate <= 0.0 or size < gate else gate * (2.0 * size - gate)
                 score[c] -= 0.5 * (math.log(expected) + square)
                 used = note(buffers, b, used, H, K, innovation, variance, float(c))
-        feed_back(x, dx, at)
+            if resting.size > 0 and resting[k] > 0.0:
+                used = keep_azimuth(P, dx, C_now, C, F, resting[k], gate, buffers, b, used, H, K)
+        if not fixed:
+            feed_back(x, dx, at)
+            dx[:] = 0.0
         if turned.shape[0] > 0:
             turned[k] = x[MATRIX : MATRIX + 9]
         if keep:
-            buffers[0][b], buffers[1][b], buffers[2][b] = x, P, used
+            buffers[0][b], buffers[1][b], buffers[2][b], buffers[6][b] = x, P, used, dx
         if begins.size > 0 and begins[k] > 0:
             direction_rows(x, at, axes, tilt, unit, D, J)
             begin_anew(x, P, at, begins[k], math.atan2(D[0], D[1]))
+            begin_errors_anew(dx, at, begins[k])
         if not moves:
+            feed_back(x, dx, at)
             break
         correct_row(table[k], x[15 : 15 + PARAMETERS], row)
         C_now = x[MATRIX : MATRIX + 9].reshape((3, 3))
@@ -235,3 +283,6 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
             shift_place(place, D[0], D[1], D[2])
             s[0], s[1], s[2] = D[0], D[1], D[2]
         follow(x, place, v, C, s, axes, decay, follows, recalls, at)
+        if fixed:
+            lead_errors(dx, F, decay, follows, recalls, at, led)
+            feed_back(x, dx, at)

@@ -34,6 +34,8 @@ from deform.nav._kernels_state import (
     B_GYRO_BIAS,
     B_GYRO_SCALE,
     B_GYRO_SHEAR,
+    B_LEAN,
+    B_LEVER,
     B_MEAN,
     B_MOUNTING,
     B_SAG,
@@ -43,6 +45,8 @@ from deform.nav._kernels_state import (
     B_WOBBLE,
     BANDS,
     DELAY,
+    LEAN,
+    LEVER,
     MATRIX,
     MEAN,
     MOUNTING,
@@ -88,6 +92,8 @@ def transition(row, x, at, F):
     C = x[MATRIX : MATRIX + 9].reshape((3, 3))
     v0, v1, v2 = rotate(C, row[VELOCITY], row[VELOCITY + 1], row[VELOCITY + 2])
     p0, p1, p2 = rotate(C, row[POSITION], row[POSITION + 1], row[POSITION + 2])
+    if row[TRAVEL] == 0.0:  # at rest nothing pushes aside: the sensors' noise would pass for a force seen from another azimuth
+        v0 = v1 = p0 = p1 = 0.0
     latitude, height = x[0], x[2]
     meridian, normal = radii(latitude)
     meridian += height
@@ -175,6 +181,20 @@ def pipe_in_tool(x, tilt):
 
 
 @njit(cache=True, error_model="numpy")
+def swing(row, C, axes):
+    """Turn of the epoch to the left and upwards (radian), then its mean specific force to the right and along (m/s²)."""
+    w0, w1, w2 = rotate(C, 0.5 * (row[7] - row[5]), 0.5 * (row[2] - row[6]), 0.5 * (row[3] - row[1]))
+    f0, f1, f2 = rotate(C, row[VELOCITY], row[VELOCITY + 1], row[VELOCITY + 2])
+    per_second = 1.0 / row[DURATION] if row[DURATION] > 0.0 else 0.0
+    return (
+        w0 * axes[2, 0] + w1 * axes[2, 1] + w2 * axes[2, 2],
+        w0 * axes[1, 0] + w1 * axes[1, 1] + w2 * axes[1, 2],
+        per_second * (f0 * axes[1, 0] + f1 * axes[1, 1] + f2 * axes[1, 2]),
+        per_second * (f0 * axes[0, 0] + f1 * axes[0, 1] + f2 * axes[0, 2]),
+    )
+
+
+@njit(cache=True, error_model="numpy")
 def odometer_step(row, x, axes, speed_change, tilt, D):
     """Displacement by the odometer (east, north, up), with all that the state says of its direction and length."""
     C = x[MATRIX : MATRIX + 9].reshape((3, 3))
@@ -190,6 +210,10 @@ def odometer_step(row, x, axes, speed_change, tilt, D):
     aside, rise = pipe_in_tool(x, tilt)
     aside *= row[TRAVEL]
     rise *= row[TRAVEL]
+    if x[LEVER] != 0.0 or x[LEAN] != 0.0 or x[LEAN + 1] != 0.0:
+        left, climb, push, pull = swing(row, C, axes)
+        aside += x[LEAN] * push * row[TRAVEL] - x[LEVER] * left
+        rise += x[LEAN + 1] * pull * row[TRAVEL] + x[LEVER] * climb
     D[0] = d0 + late * axes[0, 0] + aside * axes[1, 0] + rise * axes[2, 0]
     D[1] = d1 + late * axes[0, 1] + aside * axes[1, 1] + rise * axes[2, 1]
     D[2] = d2 + late * axes[0, 2] + aside * axes[1, 2] + rise * axes[2, 2]
@@ -202,6 +226,12 @@ def odometer_rows(row, x, at, axes, speed_change, tilt, D, J):
     C = x[MATRIX : MATRIX + 9].reshape((3, 3))
     J[0, 7], J[0, 8], J[1, 6], J[1, 8], J[2, 6], J[2, 7] = D[2], -D[1], -D[2], D[0], D[1], -D[0]
     k, travel = 1.0 + x[SCALE], row[TRAVEL]
+    if at[B_LEVER] >= 0:
+        left, climb, push, pull = swing(row, C, axes)
+        for i in range(3):
+            J[i, at[B_LEVER]] = climb * axes[2, i] - left * axes[1, i]
+            J[i, at[B_LEAN]] = push * travel * axes[1, i]
+            J[i, at[B_LEAN] + 1] = pull * travel * axes[2, i]
     for i in range(3):
         g0 = C[i, 0] * row[ATTITUDE_TRAVEL] + C[i, 1] * row[ATTITUDE_TRAVEL + 3] + C[i, 2] * row[ATTITUDE_TRAVEL + 6]
         g1 = C[i, 0] * row[ATTITUDE_TRAVEL + 1] + C[i, 1] * row[ATTITUDE_TRAVEL + 4] + C[i, 2] * row[ATTITUDE_TRAVEL + 7]
@@ -357,6 +387,7 @@ def predict(P, F, decay, Q, W):
 def adjoint_lead(adjoint, information, F, decay, U, a):
     """Take one epoch's transition back: adjoint becomes Φ' adjoint, information Φ' information Φ."""
     n, full = adjoint.size, F.shape[0]
+    thirds = full - full % 3  # three rows at once: what they are added to is read and written once
     for j in range(n):
         a[j] = decay[j] * adjoint[j] if j >= full else 0.0
     for i in range(full):
@@ -366,19 +397,25 @@ def adjoint_lead(adjoint, information, F, decay, U, a):
     for i in range(n):
         for j in range(n):
             U[i, j] = information[i, j] * decay[j] if j >= full else 0.0
-        for k in range(full):
+        for k in range(0, thirds, 3):
+            f, g, h = information[i, k], information[i, k + 1], information[i, k + 2]
+            for j in range(n):
+                U[i, j] += f * F[k, j] + g * F[k + 1, j] + h * F[k + 2, j]
+        for k in range(thirds, full):
             f = information[i, k]
             for j in range(n):
                 U[i, j] += f * F[k, j]
     for i in range(n):
-        for j in range(i, n):
+        for j in range(n):
             information[i, j] = decay[i] * U[i, j] if i >= full else 0.0
-    for k in range(full):
-        for i in range(n):
+        for k in range(0, thirds, 3):
+            f, g, h = F[k, i], F[k + 1, i], F[k + 2, i]
+            for j in range(n):
+                information[i, j] += f * U[k, j] + g * U[k + 1, j] + h * U[k + 2, j]
+        for k in range(thirds, full):
             f = F[k, i]
-            if f != 0.0:
-                for j in range(i, n):
-                    information[i, j] += f * U[k, j]
+            for j in range(n):
+                information[i, j] += f * U[k, j]
     for i in range(n):
         for j in range(i):
             information[i, j] = information[j, i]

@@ -6,8 +6,21 @@ import math
 
 from numba import njit
 
-from deform.geometry._kernels import rotate, turn_left
-from deform.nav._kernels import ATTITUDE_TRAVEL, DURATION, SENSE, navigation_rates, shift_place
+from deform.geometry._kernels import rotate, rotate_back, turn_left
+from deform.nav._kernels import ATTITUDE_TRAVEL, DURATION, SENSE, TURN, navigation_rates, shift_place
+
+
+@njit(cache=True, error_model="numpy")
+def led_vertical(table, up, earth, out):
+    """Fill out (epoch, 3) with the vertical in body axes at the begin of each epoch: turned by the gyros, and with the earth."""
+    v0, v1, v2 = up[0], up[1], up[2]
+    e0, e1, e2 = earth[0], earth[1], earth[2]
+    for k in range(table.shape[0]):
+        out[k, 0], out[k, 1], out[k, 2] = v0, v1, v2
+        turn, T = table[k, TURN : TURN + 9].reshape((3, 3)), table[k, DURATION]
+        moved = v0 + T * (e1 * v2 - e2 * v1), v1 + T * (e2 * v0 - e0 * v2), v2 + T * (e0 * v1 - e1 * v0)
+        v0, v1, v2 = rotate_back(turn, moved[0], moved[1], moved[2])
+        e0, e1, e2 = rotate_back(turn, e0, e1, e2)
 
 
 @njit(cache=True, error_model="numpy")

@@ -57,27 +57,35 @@ def adjoint_measure(adjoint, information, H, K, innovation, s, g):
     weight = square + 1.0 / s
     for i in range(n):
         adjoint[i] -= H[i] * push
+    for j in range(n):
+        g[j] -= 0.5 * weight * H[j]
     for i in range(n):
-        for j in range(i, n):
-            information[i, j] += -H[i] * g[j] - g[i] * H[j] + H[i] * H[j] * weight
-            information[j, i] = information[i, j]
+        h, q = H[i], g[i]
+        for j in range(n):
+            information[i, j] -= h * g[j] + q * H[j]
     return 0.5 * (push * push - weight)
 
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
-def smoothed_sigma(P, information, wanted, g, sigma):
+def smoothed_sigma(P, information, wanted, sigma):
     """Fill sigma of the first ``wanted`` states: root of the diagonal of P - P information P."""
     n = P.shape[0]
-    for i in range(wanted):
-        for j in range(n):
-            g[j] = 0.0
-        for m in range(n):
+    for i in range(0, wanted, 3):  # three rows at once; the last ones may come twice
+        k, m = min(i + 1, wanted - 1), min(i + 2, wanted - 1)
+        a, b, c = 0.0, 0.0, 0.0
+        for r in range(n):
+            p, q, s = 0.0, 0.0, 0.0
             for j in range(n):
-                g[j] += P[i, m] * information[m, j]
-        taken = 0.0
-        for j in range(n):
-            taken += g[j] * P[i, j]
-        sigma[i] = math.sqrt(max(P[i, i] - taken, 0.0))
+                push = information[r, j]
+                p += P[i, j] * push
+                q += P[k, j] * push
+                s += P[m, j] * push
+            a += p * P[i, r]
+            b += q * P[k, r]
+            c += s * P[m, r]
+        sigma[i] = math.sqrt(max(P[i, i] - a, 0.0))
+        sigma[k] = math.sqrt(max(P[k, k] - b, 0.0))
+        sigma[m] = math.sqrt(max(P[m, m] - c, 0.0))
 
 
 @njit(cache=True, error_model="numpy")
@@ -110,7 +118,7 @@ def slope_of_mean(x, P, adjoint, information, at, row, F, decay, reach, follows,
         recalled[c] += total * decay[m + c] * abs(row[TRAVEL]) / reach[m + c]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def backward(first, last, travel, span, noise, buffers, adjoint, information, smooth, sigma, pull, drive, recalled):
     """Smooth the bounds ``first`` ... ``last`` from the buffers of `forward`; adjoint and information come from behind ``last``.
 
@@ -122,9 +130,9 @@ def backward(first, last, travel, span, noise, buffers, adjoint, information, sm
     the wobble, right and up; none when pull has no rows.
     """
     table, speeds, tilts, R = travel
-    _, _, begins = span
+    begins = span[2]
     at, reckoned, walk, travel_walk, tau, reach, steady, unknown = noise
-    xs, Ps, counts, Hs, Ks, news = buffers
+    xs, Ps, counts, Hs, Ks, news, offsets = buffers
     n, full = adjoint.size, NAVIGATED + (1 if at[B_DISTANCE] >= 0 else 0)
     F, J, D, axes, row = np.empty((full, n)), np.empty((3, n)), np.empty(3), np.empty((3, 3)), np.empty(COLUMNS)
     decay, Q, dx, g, a, U = np.ones(n), np.zeros(n), np.zeros(n), np.empty(n), np.empty(n), np.empty((n, n))
@@ -159,12 +167,12 @@ def backward(first, last, travel, span, noise, buffers, adjoint, information, sm
             adjoint_begin_anew(adjoint, information, at, begins[k])
         if wanted:
             for i in range(n):
-                total = 0.0
+                total = offsets[b, i]
                 for j in range(n):
                     total -= P[i, j] * adjoint[j]
                 dx[i] = total
             due = k % PARAMETERS_EVERY == 0 or k >= table.shape[0]
-            smoothed_sigma(P, information, n if due else NAVIGATED, g, sigma[k])
+            smoothed_sigma(P, information, n if due else NAVIGATED, sigma[k])
             if not due:
                 sigma[k, NAVIGATED:] = sigma[k + 1, NAVIGATED:]
             smooth[k] = x

@@ -18,6 +18,7 @@ log = logging.getLogger(__name__)
 
 REST_VARIANCE = 1e-4**2  # m², of the displacement of a tool at rest within one epoch
 LEAST_VARIANCE = 1e-5**2  # m², of any displacement
+SETTLING_RAD = 1e-6  # by which a tool at rest may turn within an epoch
 STRAIGHT_M = 50.0  # way over which the azimuth of straight pipe strays by itself
 WOBBLE_DENSITY = 2.0 * math.radians(0.15) ** 2 * 20.0  # m² per m: of a wobble that is no state, 0.15 degree, forgotten in 20 m
 RIDE_DENSITY = 2e-7  # m² per m: what is left of the ride across the pipe when the wobble is a state
@@ -67,16 +68,18 @@ class SpanAid:
     joint : (bound, 2) length (m) of the joint that ends at a bound, NaN for none, and its variance (m²); no rows without joints.
     straight : (bound,) variance of the pipe's azimuth against that of its straight stretch (radian²), 0 outside of one.
     begins : (bound,) flags of what begins anew behind the bound: `RESET_DISTANCE`, `RESET_COURSE`.
+    resting : (epoch,) variance of the turn about the vertical (radian²) of a tool at rest, 0 in motion.
     """
 
     joint: Floats = field(default_factory=lambda: np.empty((0, 2)))
     straight: Floats = field(default_factory=lambda: np.empty(0))
     begins: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    resting: Floats = field(default_factory=lambda: np.empty(0))
 
     @property
     def arguments(self) -> tuple:
         """In the order of the kernels."""
-        return self.joint, self.straight, self.begins
+        return self.joint, self.straight, self.begins, self.resting
 
 
 @dataclass(frozen=True)
@@ -217,6 +220,18 @@ def span_aid(epochs: Epochs, travel: TravelAid, joints: Floats | None = None, st
             way = np.maximum(travel.travel[here], 0.05)
             straight[here] = sigma**2 * np.maximum(STRAIGHT_M / way, 1.0)
     return SpanAid(joint, straight, begins if begins.any() else np.empty(0, np.int64))
+
+
+def rest_aid(epochs: Epochs, travel: TravelAid, walk: float, pulse: float) -> SpanAid:
+    """Return that a tool at rest does not turn about the vertical: the gyros then show their bias there.
+
+    Parameters
+    ----------
+    walk : variance of the gyros' random walk per second (radian²/s).
+    pulse : of the gyros (radian).
+    """
+    variance = walk * epochs.duration + pulse**2 / 6.0 + SETTLING_RAD**2
+    return SpanAid(resting=np.where(travel.stationary & (epochs.gap == 0), variance, 0.0))
 
 
 def nearest_bound(bounds: Floats, time: Floats) -> NDArray[np.int64]:

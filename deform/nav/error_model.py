@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,8 @@ MEAN_M = 300.0
 SWAY_VARIANCE = 2.0  # of what drives a component of the wobble, against the component's own
 SHEAR_RAD = 1e-4  # askewness of a triad's axes that makers do not state
 SCALE_WALK = 3e-6  # of the odometer's scale per root metre
+LEVER_M = 1.0  # of the unit before the point that keeps to the line: the middle between a tool's cups, the rear axle of a car
+LEAN_RAD = 5e-3  # per m/s² of specific force: by how much springs and tyres, or cups, let the axis give way
 BIAS_CORRELATION_S = 8e4  # an hour then takes a bias away by three tenths of its sigma
 
 NAVIGATED = ("position", "velocity", "attitude")
@@ -69,6 +72,8 @@ SLOTS = {
     "tilt": kernels.B_TILT,
     "distance": kernels.B_DISTANCE,
     "course": kernels.B_COURSE,
+    "lever": kernels.B_LEVER,
+    "lean": kernels.B_LEAN,
 }
 # wobble: direction of the pipe against the tool's axis, to the right and up, for each component; sway: what drives each of these;
 # mean: running mean of the wobble, which is taken off it
@@ -77,6 +82,8 @@ SLOTS = {
 # accel_shear: what those right and up see of each other's force, the forward one of right and up, those of the forward one's
 # tilt: share of the tilt seen by the caliper's arms, to the right and up, that is true, for each band of waves
 # distance: along the pipe since the last weld; course: azimuth of the straight stretch the tool is in
+# lever: of the unit before the point that keeps to the line of the pipe; lean: direction of travel in the tool to the right per
+# specific force from the right, up per force along
 
 # The configurations: blocks, and whether the position is dead-reckoned by the odometer instead of integrated from velocity.
 MODELS: dict[str, tuple[tuple[str, ...], bool]] = {
@@ -194,7 +201,7 @@ class ErrorModel:
         return self.at, self.reckoned, self.walk, self.travel_walk, self.tau, self.reach, self.steady, self.unknown
 
 
-def compose(name: str, header: RunHeader, joints: bool = False, straight: bool = False) -> ErrorModel:
+def compose(name: str, header: RunHeader, joints: bool = False, straight: bool = False, corners: bool = False) -> ErrorModel:
     """Return an error model for a tool.
 
     Parameters
@@ -203,6 +210,7 @@ def compose(name: str, header: RunHeader, joints: bool = False, straight: bool =
         the sensors, the sag and wobble of the tool in the pipe, position by the inertial unit).
     header : the maker's one-sigma figures.
     joints, straight : with a state for the distance since the last weld, for the azimuth of a straight stretch.
+    corners : with states for the lever and the lean of a vehicle that is pushed aside in its turns.
 
     References
     ----------
@@ -218,7 +226,8 @@ def compose(name: str, header: RunHeader, joints: bool = False, straight: bool =
     names, reckoned = MODELS[name]
     if joints and reckoned:
         raise OptionError(f"error model {name!r} reckons by the odometer: lengths of joints can tell it nothing; use 'full'")
-    names = (*(("distance",) if joints else ()), *names, *(("course",) if straight else ()))
+    wanted = (("distance",) if joints else (), names, ("course",) if straight else (), ("lever", "lean") if corners else ())
+    names = tuple(chain.from_iterable(wanted))
     return assemble(name, blocks_of(header, names), reckoned, header)
 
 
@@ -242,6 +251,8 @@ def blocks_of(header: RunHeader, names: Sequence[str]) -> tuple[Block, ...]:
         "tilt": (1.0, 0.0, 0.0),
         "distance": (0.0, 0.0, 0.0),
         "course": (math.pi, 0.0, 0.0),
+        "lever": (LEVER_M, 0.0, 0.0),
+        "lean": (LEAN_RAD, 0.0, 0.0),
     }
     return tuple(Block(name, kernels.SIZE_OF[SLOTS[name]], *figures[name]) for name in names)
 

@@ -15,7 +15,7 @@ from deform.nav.strapdown import Epochs
 
 Floats = NDArray[np.float64]
 BLOCK_EPOCHS = 512
-NO_PATH = np.empty((0, 9))
+NO_PATH, NO_STATES = np.empty((0, 9)), np.empty((0, STATE_COLUMNS))
 GATE = 4.0
 
 
@@ -35,7 +35,10 @@ class Start:
 
 @dataclass(frozen=True)
 class Problem:
-    """Everything that filter and smoother work on."""
+    """Everything that filter and smoother work on.
+
+    ``about`` (bound, STATE_COLUMNS): states about which all is taken as linear; without rows about those that the filter finds.
+    """
 
     epochs: Epochs
     travel: TravelAid
@@ -43,6 +46,7 @@ class Problem:
     model: ErrorModel
     start: Start
     spans: SpanAid = field(default_factory=SpanAid)
+    about: Floats = field(default_factory=lambda: NO_STATES)
 
     @property
     def moves(self) -> tuple:
@@ -82,6 +86,7 @@ class Buffers:
     H: Floats
     K: Floats
     news: Floats
+    errors: Floats
 
     @classmethod
     def of(cls, n: int, size: int = BLOCK_EPOCHS) -> Buffers:
@@ -94,12 +99,13 @@ class Buffers:
             np.empty((size, m, n)),
             np.empty((size, m, n)),
             np.empty((size, m, 3)),
+            np.zeros((size, n)),
         )
 
     @property
     def arguments(self) -> tuple:
         """In the order of the kernels."""
-        return self.states, self.covariances, self.counts, self.H, self.K, self.news
+        return self.states, self.covariances, self.counts, self.H, self.K, self.news, self.errors
 
 
 @dataclass(frozen=True)
@@ -128,7 +134,7 @@ def run_block(problem: Problem, first: int, last: int, x: Floats, P: Floats, buf
     marks, spans, model = problem.marks, problem.spans, problem.model
     mark = marks.epoch, marks.place, marks.used_variance, marks.late
     arguments = (problem.moves, mark, spans.arguments, x, P, model.arguments, GATE, buffers.arguments)
-    kernels.forward(first, last, *arguments, out.news, out.mark_news, out.score, turned)
+    kernels.forward(first, last, *arguments, out.news, out.mark_news, out.score, turned, problem.about)
 
 
 def run_forward(problem: Problem, turned: Floats = NO_PATH) -> Filtered:

@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from deform.nav import odometer, product
-from deform.nav.aiding import RIDE_DENSITY, WOBBLE_DENSITY, TravelAid, mark_aid, travel_aid
+from deform.nav.aiding import RIDE_DENSITY, WOBBLE_DENSITY, TravelAid, mark_aid, rest_aid, travel_aid
 from deform.nav.alignment import align
 from deform.nav.arm_tilt import ring_centres
 from deform.nav.compensation import compensation_table
@@ -34,6 +34,8 @@ from deform.run.stamps import usual_step
 Floats = NDArray[np.float64]
 Progress = Callable[[float], None] | None
 log = logging.getLogger(__name__)
+
+CORNERING = 0.5  # m/s²: a hundredth of the time pushed aside by more, a tool has its lever and lean as states
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def navigate(
     passages = with_control(raw.passages if raw.passages is not None else _no_passages(), control)
     bounds = epoch_bounds(counts.time, options.filter_interval_s, passages["time"].values)
     epochs = preintegrate(counts, wheels.profile, bounds)
-    model = compose(options.error_model, raw.header)
+    model = compose(options.error_model, raw.header, corners=bool(np.quantile(epochs.side_force, 0.99) > CORNERING))
     across = RIDE_DENSITY if model.index("wobble").stop else WOBBLE_DENSITY
     travel = aid_of(epochs, wheels.profile, across)
     aligned = align(counts, epochs, travel, raw.header)
@@ -90,7 +92,8 @@ def navigate(
     )
     marks = mark_aid(epochs, passages["time"].values, places, sigma, options.marker_time_sigma_s)
     start, aligned = first_state(raw, epochs, marks, aligned, model, float(travel.speeds[0]))
-    solution = solve(Problem(epochs, travel, marks, model, start), ring_centres(raw))
+    rests = rest_aid(epochs, travel, float(model.walk[8]), counts.gyro_pulse)
+    solution = solve(Problem(epochs, travel, marks, model, start, rests), ring_centres(raw))
     tell(0.8)
     with ThreadPoolExecutor(1) as beside:  # the backward run and the trajectory need nothing of each other
         backward = beside.submit(agreement, solution.problem, solution.filtered, solution.smoothed)

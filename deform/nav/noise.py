@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -14,7 +15,7 @@ from scipy.optimize import minimize
 from deform.nav._kernels_state import TILT, WAVES, WOBBLE
 from deform.nav.aiding import REST_VARIANCE, RIDE_DENSITY, SpanAid
 from deform.nav.error_model import BIAS_CORRELATION_S, MEAN_M, WOBBLE_DEG, WOBBLE_LENGTHS_M
-from deform.nav.filter import BLOCK_EPOCHS, Buffers, Filtered, Problem, Start, run_forward
+from deform.nav.filter import BLOCK_EPOCHS, NO_STATES, Buffers, Filtered, Problem, Start, run_forward
 from deform.nav.smoother import slopes
 from deform.nav.strapdown import Epochs
 
@@ -105,7 +106,7 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
     parts = stretches(problem, filtered)
     if not parts or not problem.model.index("wobble").stop:
         return problem
-    buffers = Buffers.of(problem.model.size, max(p.epochs.bounds.size for p in parts))
+    buffers = [Buffers.of(problem.model.size, p.epochs.bounds.size) for p in parts]
     usual = Noise.usual().logs
     part = np.repeat([0.0, LEAST_PART, LEAST_ALONG, 0.0, LEAST_PART, LEAST_MEAN_M / MEAN_M], [2 * WAVES, 2, 1, 2, 1, 2])
     with np.errstate(divide="ignore"):
@@ -179,6 +180,7 @@ def _piece(problem: Problem, filtered: Filtered, first: int, last: int) -> Probl
                        tilt=travel.tilt[here]),
         marks=marks.only(np.zeros(marks.epoch.size, bool)),
         spans=SpanAid(),
+        about=NO_STATES,
         start=Start(x, P * (DOUBT**2 if first else 1.0)),
     )  # fmt: skip
 
@@ -193,13 +195,15 @@ def _only(part: Problem, use: NDArray[np.bool_]) -> Problem:
     return replace(part, travel=replace(part.travel, variance=np.where(use, part.travel.variance, 0.0)))
 
 
-def _misfit(x: Floats, parts: list[Problem], usual: Floats, buffers: Buffers) -> tuple[float, Floats]:
+def _misfit(x: Floats, parts: list[Problem], usual: Floats, buffers: list[Buffers]) -> tuple[float, Floats]:
     """Minus logarithm of the posterior probability, and its slopes."""
     noise = Noise.of(x)
     value, slope = _prior(x, usual)
-    for part in parts:
-        tried = apply(part, noise)
-        found, travel, model = slopes(tried, buffers), part.travel, tried.model
+    tried = [apply(part, noise) for part in parts]
+    with ThreadPoolExecutor(len(parts)) as pool:
+        all_found = list(pool.map(slopes, tried, buffers))
+    for part, found in zip(parts, all_found, strict=True):
+        travel, model = part.travel, tried[0].model
         known = travel.variance > 0
         moving = known & ~travel.stationary[:, None]
         ride = [np.sum((found.pull[:, c] * travel.travel)[moving[:, c]]) * noise.ride[c - 1] for c in (1, 2)]

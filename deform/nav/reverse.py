@@ -93,9 +93,20 @@ def reversed_problem(problem: Problem, end: Floats, variance: Floats) -> Problem
                        along_shape=travel.along_shape[::-1], travel=travel.travel[::-1], tilt=travel.tilt[::-1].copy()),
         marks=replace(marks, index=marks.index[::-1], epoch=(n - marks.epoch[::-1]).copy(), place=marks.place[::-1].copy(),
                       variance=marks.variance[::-1], late=-marks.late[::-1], weight=marks.weight[::-1]),
-        spans=SpanAid(),  # the backward run checks the forward one without them
+        spans=SpanAid(resting=problem.spans.resting[::-1].copy()),  # the backward run checks the forward one without the others
+        about=_reversed_states(problem.about),
         start=Start(state, covariance),
     )  # fmt: skip
+
+
+def _reversed_states(states: Floats) -> Floats:
+    """Return states at the bounds as they are when time runs backwards."""
+    out = states[::-1].copy()
+    out[:, 3:6] *= -1.0
+    out[:, kernels.GYRO_BIAS : kernels.GYRO_BIAS + 3] *= -1.0
+    wobble, sway = (slice(c, c + 2 * kernels.WAVES) for c in (kernels.WOBBLE, kernels.SWAY))
+    out[:, sway] = 2.0 * out[:, wobble] - out[:, sway]  # what drives a component is ahead of it in either direction
+    return out
 
 
 @dataclass(frozen=True)
@@ -156,24 +167,30 @@ def agreement(problem: Problem, filtered: Filtered, smoothed: Smoothed, places: 
     back = reversed_problem(problem, *_end(problem, smoothed))
     behind = run_forward(back)
     bounds = np.unique(np.linspace(0, n, places + 2).round().astype(int)[1:-1])
+    ahead, after = states_before(problem, filtered, bounds), states_before(back, behind, n - bounds[::-1])[::-1]
     rows = []
-    for bound in bounds:
-        x, P = state_before(problem, filtered, int(bound))
-        y, Q = state_before(back, behind, int(n - bound))
+    for (x, P), (y, Q) in zip(ahead, after, strict=True):
         turn = turning_error(y, x)
         rows.append((*k.place_difference(y[0:3], x[0:3]), turn[2], *np.sqrt(np.diag(P + Q)[[0, 1, 2, 8]])))
     table = np.array(rows).reshape(-1, 8)
     return Agreement(problem.epochs.time[bounds], table[:, :4], table[:, 4:])
 
 
-def state_before(problem: Problem, filtered: Filtered, bound: int) -> tuple[Floats, Floats]:
-    """Return state and covariance before the measurements of a bound, from the checkpoint before it."""
-    starts = [first for first, _ in blocks(problem.epochs.bounds.size)]
-    block = int(np.searchsorted(starts, bound, side="right")) - 1
-    x, P = (a.copy() for a in filtered.checkpoints[block])
-    if bound > starts[block]:
-        run_block(problem, starts[block], bound - 1, x, P, Buffers.of(problem.model.size, 0), Innovations.of(problem))
-    return x, P
+def states_before(problem: Problem, filtered: Filtered, bounds: NDArray[np.int64]) -> list[tuple[Floats, Floats]]:
+    """Return state and covariance before the measurements of rising bounds, led on from the checkpoint or bound before."""
+    starts = np.array([first for first, _ in blocks(problem.epochs.bounds.size)])
+    nothing, out, found = Buffers.of(problem.model.size, 0), Innovations.of(problem), []
+    reached, x, P = -1, *filtered.checkpoints[0]
+    for bound in bounds.tolist():
+        block = int(np.searchsorted(starts, bound, side="right")) - 1
+        if starts[block] > reached:
+            reached, (x, P) = int(starts[block]), filtered.checkpoints[block]
+        x, P = x.copy(), P.copy()
+        if bound > reached:
+            run_block(problem, reached, bound - 1, x, P, nothing, out)
+            reached = bound
+        found.append((x, P))
+    return found
 
 
 def turning_error(state: Floats, other: Floats) -> Floats:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from deform.errors import Fault, InputError
 from deform.geometry.earth import earth_rate
-from deform.nav import _kernels
+from deform.nav import _kernels, _kernels_reckoning
 from deform.nav.aiding import TravelAid
 from deform.nav.alignment import Alignment
 from deform.nav.profile import Profile
@@ -83,10 +83,7 @@ def speed_slope(table: Floats, speeds: Floats, up: Floats, earth: Floats) -> flo
 def _turned(table: Floats, up: Floats, earth: Floats) -> Floats:
     """The vertical in the body axes of the beginning of each epoch: turned by the gyros, and with the Earth."""
     out = np.empty((len(table), 3))
-    vector, rate = np.asarray(up, float), np.asarray(earth, float)
-    for k, (turn, duration) in enumerate(zip(table[:, :9].reshape(-1, 3, 3), table[:, _kernels.DURATION], strict=True)):
-        out[k] = vector
-        vector, rate = turn.T @ (vector + duration * np.cross(rate, vector)), turn.T @ rate
+    _kernels_reckoning.led_vertical(np.ascontiguousarray(table), np.asarray(up, float), np.asarray(earth, float), out)
     return out
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +38,7 @@ def smooth(problem: Problem, filtered: Filtered) -> Smoothed:
     Fixed-interval smoothing in the form of Bryson and Frazier (1963), modified by Bierman (1977): x_s = x - P λ and
     P_s = P - P Λ P, where λ and Λ are carried backwards through measurements, λ ← (I - K H)'λ - H'ν/s, and transitions,
     λ ← Φ'λ. It gives what Rauch, Tung and Striebel give without inverting a covariance. Each block is filtered anew from its
-    checkpoint, so that memory holds one block, whatever the length of the run.
+    checkpoint, so that memory holds two blocks, whatever the length of the run.
 
     References
     ----------
@@ -47,11 +48,25 @@ def smooth(problem: Problem, filtered: Filtered) -> Smoothed:
     result = Smoothed(np.empty((n_bounds, STATE_COLUMNS)), np.empty((n_bounds, n)))
     wanted = result.states, result.sigma
     adjoint, information = np.zeros(n), np.zeros((n, n))
-    buffers, again = Buffers.of(n, min(n_bounds, BLOCK_EPOCHS)), Innovations.of(problem)
-    fixed = problem.moves, problem.spans.arguments, problem.model.arguments, buffers.arguments
-    for (first, last), (x, P) in zip(reversed(blocks(n_bounds)), reversed(filtered.checkpoints), strict=True):
-        run_block(problem, first, last, x.copy(), P.copy(), buffers, again)
-        kernels.backward(first, last, *fixed, adjoint, information, *wanted, NOTHING, np.empty(0), np.empty(0))
+    fixed = problem.moves, problem.spans.arguments, problem.model.arguments
+    parts = list(zip(blocks(n_bounds), filtered.checkpoints, strict=True))[::-1]
+    both = [Buffers.of(n, min(n_bounds, BLOCK_EPOCHS)) for _ in parts[:2]]
+    again = Innovations.of(problem)
+
+    def filtered_again(i: int) -> tuple[int, int, Buffers]:
+        (first, last), (x, P) = parts[i]
+        run_block(problem, first, last, x.copy(), P.copy(), both[i % 2], again)
+        return first, last, both[i % 2]
+
+    with ThreadPoolExecutor(1) as beside:  # the next block is filtered while this one is smoothed
+        coming = beside.submit(filtered_again, 0)
+        for i in range(len(parts)):
+            first, last, buffers = coming.result()
+            if i + 1 < len(parts):
+                coming = beside.submit(filtered_again, i + 1)
+            kernels.backward(
+                first, last, *fixed, buffers.arguments, adjoint, information, *wanted, NOTHING, np.empty(0), np.empty(0)
+            )
     return result
 
 

@@ -22,8 +22,8 @@ log = logging.getLogger(__name__)
 
 CONTRADICTED = 4.5  # misclosure without the mark over its sigma beyond which a mark is gross
 NO_WEIGHT = 1e-8
-COARSE_RAD = math.radians(3.0)  # first attitude so uncertain that the filter is started anew from what the smoother makes of it
-RESTART_RAD, MOST_RESTARTS = math.radians(0.3), 4
+COARSE_RAD = math.radians(3.0)  # first attitude so uncertain that all is taken as linear about the smoothed path
+SETTLED_RAD, MOST_ROUNDS = math.radians(0.05), 8  # of the attitudes, beyond which a path is solved about anew
 
 
 @dataclass(frozen=True)
@@ -62,14 +62,17 @@ def solve(problem: Problem, arms: tuple[Floats, Floats] | None = None) -> Soluti
     worst one beyond the limit loses its weight and everything is solved anew, so that one bad mark does not condemn its
     neighbours.
     """
-    if float(np.max(np.diag(problem.start.covariance)[6:9])) > COARSE_RAD**2:
-        problem = _restarted(problem)
+    coarse = float(np.max(np.diag(problem.start.covariance)[6:9])) > COARSE_RAD**2
+    if coarse:
+        problem = _about_its_path(problem)
     turned = np.empty((problem.epochs.bounds.size, 9))
     filtered = run_forward(problem, turned)
     if arms is not None:
         tilt = tilt_per_epoch(problem.epochs, turned.reshape(-1, 3, 3), *arms, problem.travel.stationary)
         problem = replace(problem, travel=replace(problem.travel, tilt=tilt))
     problem = learn(problem, filtered)
+    if coarse:
+        problem = _about_its_path(problem)
     problem, filtered, smoothed = _without_gross(problem, *_pass(problem))
     return Solution(problem, filtered, smoothed, *misclosures(problem.marks, smoothed))
 
@@ -132,15 +135,26 @@ def _weighted(problem: Problem, mark: int, factor: float) -> Problem:
     return replace(problem, marks=problem.marks.weighted(weight))
 
 
-def _restarted(problem: Problem) -> Problem:
-    """Start from the smoothed first attitude, until it stands."""
-    for _ in range(MOST_RESTARTS):
+def _about_its_path(problem: Problem) -> Problem:
+    """Take everything as linear about the smoothed path, until it stands.
+
+    Notes
+    -----
+    Iterated smoothing (Bell 1994, SIAM J. Optim. 4, 626-636): where the first azimuth is unknown by degrees, or drifts by degrees
+    unseen between marks, the path that the filter was linear about is not the one that the marks leave.
+    """
+    for _ in range(MOST_ROUNDS):
         smoothed = _pass(problem)[1]
-        turned = kernels.turn_between(problem.start.state, smoothed.states[0])
-        state = problem.start.state.copy()
-        state[6:15] = smoothed.states[0, 6:15]
-        problem = replace(problem, start=replace(problem.start, state=state))
-        log.info("first attitude moved by %.2f degree: filtered anew from there", math.degrees(turned))
-        if turned < RESTART_RAD:
+        turned = _most_turned(smoothed.states, problem.about) if len(problem.about) else math.inf
+        problem = replace(problem, about=smoothed.states)
+        log.info("solved about the smoothed path; attitudes had moved by %.2f degree", math.degrees(turned))
+        if turned < SETTLED_RAD:
             break
     return problem
+
+
+def _most_turned(states: Floats, others: Floats) -> float:
+    """Greatest angle (radian) between the attitudes of states at the same bounds."""
+    matrix = slice(kernels.MATRIX, kernels.MATRIX + 9)
+    apart = np.sum((states[:, matrix] - others[:, matrix]) ** 2, axis=1)  # of two rotations: 8 sin² of half the angle
+    return 2.0 * math.asin(min(math.sqrt(float(apart.max()) / 8.0), 1.0))

@@ -71,6 +71,13 @@ class Epochs:
         """Time without samples in each epoch (s)."""
         return self.table[:, _kernels.GAP]
 
+    @property
+    def side_force(self) -> Floats:
+        """Acceleration across the track in each epoch (m/s²): speed times rate of the turn about other axes than the forward."""
+        turn = self.table[:, _kernels.TURN : _kernels.TURN + 9].reshape(-1, 3, 3)
+        across = 0.5 * np.hypot(turn[:, 2, 1] - turn[:, 1, 2], turn[:, 1, 0] - turn[:, 0, 1])
+        return np.abs(self.travel) * across / self.duration**2
+
 
 def epoch_bounds(time: Floats, interval: float, extra: Floats | None = None) -> NDArray[np.int64]:
     """Return sample indices about ``interval`` apart, first, last and the samples next to the times ``extra`` among them."""

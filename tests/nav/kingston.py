@@ -8,17 +8,21 @@ from pathlib import Path
 
 import numpy as np
 from scipy.io import loadmat
+from scipy.spatial import cKDTree
 
-from deform.geometry.earth import enu_difference
+from deform.geometry.earth import earth_rate, enu_difference
+from deform.geometry.rotation import attitude_to_matrix, matrix_to_attitude, rotation_vector_to_matrix
+from deform.nav.alignment import level_and_gyrocompass
 from deform.nav.navigate import Navigation
 from deform.run import build
 from deform.run.raw import Identity, ImuHeader, Launch, OdometerHeader, Pipe, RawRun, RunHeader
 
 GYRO_PULSE, ACCEL_PULSE, PULSE_M = 1e-8, 1e-6, 0.01
-MARK_EVERY_M, MARK_SIGMA_M = 2000.0, 1.0
+MARK_EVERY_M = 2000.0
 END_S = 3470.0  # of what is used: behind it the car backs into its place, and road speed has no sign
 REST_S, SETTLED_S = 525.0, 1000.0  # end of the standing start; from where the reference's heading has settled
 STEP_M = 10.0  # along the road, at which the path is held against the reference
+SAME_ROAD_M, LATER_S = 4.0, 600.0  # places so near, passed so much later, are the same road passed again
 LATE_S = 0.2  # by which the reference lags behind the road speed's stamps
 
 # Figures as a header gives them: those of the HG1700 class, with the random walk seen over the rest before the drive.
@@ -49,7 +53,10 @@ class Drive:
 
 
 def drive(folder: Path, marks_every_m: float = MARK_EVERY_M, **imu: float) -> Drive:
-    """Return the drive; marks are reference positions this far apart along the road, further ones end it at both ends."""
+    """Return the drive; marks are reference positions this far apart along the road, further ones end it at both ends.
+
+    Their sigma is what the receiver states for its fixes at that time: the reference rests on these.
+    """
     inertial = loadmat(folder / "f_w_IMSseconds_dt.mat")
     start = float(inertial["IMU_second"][0, 0])
     used = inertial["IMU_second"].ravel() - start < END_S
@@ -68,10 +75,13 @@ def drive(folder: Path, marks_every_m: float = MARK_EVERY_M, **imu: float) -> Dr
     speed = np.hypot(pva["INS_vn"], pva["INS_ve"])
     distance = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))])
     rows = np.unique([2, *np.searchsorted(distance, np.arange(marks_every_m, distance[-1], marks_every_m)), when.size - 2])
+    fix = loadmat(folder / "BESTGPSPOS.mat")
+    at = fix["BGP_second"].ravel() - start
+    sigma = np.column_stack([np.interp(when, at, fix[f"BGP_{axis}_std"].ravel()) for axis in ("Long", "Lat", "Alt")])
     passages = build.dataset("passages", {
         "name": [f"M{i}" for i in range(rows.size)], "kind": ["launcher", *["agm"] * (rows.size - 2), "receiver"],
         "time": when[rows], "latitude": pva["INS_Lat"][rows], "longitude": pva["INS_Long"][rows], "height": pva["INS_Alt"][rows],
-        "sigma_horizontal": np.full(rows.size, MARK_SIGMA_M), "sigma_vertical": np.full(rows.size, MARK_SIGMA_M)})  # fmt: skip
+        "sigma_horizontal": np.sqrt(np.mean(sigma[rows, :2] ** 2, axis=1)), "sigma_vertical": sigma[rows, 2]})  # fmt: skip
     header = RunHeader(
         run=Identity("kingston", "kingston", datetime.date(2008, 6, 23)),
         pipe=Pipe(1.0, 0.01),
@@ -80,9 +90,6 @@ def drive(folder: Path, marks_every_m: float = MARK_EVERY_M, **imu: float) -> Dr
         odometer=OdometerHeader(1, scale_error=0.02),
     )
     raw = RawRun(header, group, wheel, passages=passages)
-    fix = loadmat(folder / "BESTGPSPOS.mat")
-    at = fix["BGP_second"].ravel() - start
-    sigma = np.column_stack([np.interp(when, at, fix[f"BGP_{axis}_std"].ravel()) for axis in ("Long", "Lat", "Alt")])
     return Drive(raw, when, pva["INS_Lat"], pva["INS_Long"], pva["INS_Alt"], pva["INS_Azi"], speed, distance, sigma)
 
 
@@ -105,20 +112,37 @@ def errors(found: Navigation, run: Drive) -> tuple[np.ndarray, np.ndarray]:
 
 
 def heading_at_rest(run: Drive) -> tuple[float, float, float]:
-    """Heading at rest by the reference as it stands there, and by its later drive led back by the gyros; its scatter."""
+    """Heading at rest by the reference as it stands there, and by its later drive led back by the gyros; its scatter.
+
+    All three gyros: the car pitches and leans while it turns, and the vertical one alone misses half a degree of the turns. What
+    the rest shows, less the earth's turn, is their bias.
+    """
     imu = run.raw.imu
-    when, rate = imu["time"].values, imu["gyro_count"].values[:, 2] * imu.attrs["gyro_pulse_rad"]
-    rest = when < REST_S
-    turned = -np.degrees(np.cumsum(rate - rate[rest].mean()))  # the mean of the rest holds earth's turn and bias
+    when, turn, push = imu["time"].values, imu["gyro_count"].values * imu.attrs["gyro_pulse_rad"], imu["accel_count"].values
+    rest, step = when < REST_S, 1.0 / IMU.rate_hz
+    there = float(np.median(run.azimuth[run.time < REST_S]))
+    _, pitch, roll = matrix_to_attitude(level_and_gyrocompass(turn[rest].mean(axis=0), push[rest].mean(axis=0)))
+    C = attitude_to_matrix(there, float(pitch), float(roll))
+    earth = earth_rate(float(run.latitude[0])) * step
+    turn = rotation_vector_to_matrix(turn - (turn[rest].mean(axis=0) - C.T @ earth))
+    frame, azimuth = rotation_vector_to_matrix(-earth), np.empty(when.size)
+    for i in range(when.size):
+        C = frame @ C @ turn[i]
+        azimuth[i] = np.arctan2(C[0, 1], C[1, 1])
+    turned = np.degrees(np.unwrap(azimuth))
     turned -= turned[rest].mean()
     back = wrapped(run.azimuth - np.interp(run.time, when, turned))
     settled = (run.time > SETTLED_S) & (run.speed > 2.0)
-    return float(np.median(run.azimuth[run.time < REST_S])), float(np.median(back[settled])) % 360.0, float(back[settled].std())
+    return there, float(np.median(back[settled])) % 360.0, float(back[settled].std())
 
 
-def reference_sigma(run: Drive) -> np.ndarray:
-    """Sigma the receiver states for its own fixes, east, north, up (m), at the places of `errors`."""
-    return run.fix_sigma[_rows(run)]
+def reference_error(run: Drive) -> tuple[float, int]:
+    """Error of the reference (m) by its heights where the same road is passed again minutes later, and how often it is."""
+    east, north, _ = enu_difference(run.latitude, run.longitude, run.height, run.latitude[0], run.longitude[0], run.height[0])
+    one, other = cKDTree(np.column_stack([east, north])).query_pairs(SAME_ROAD_M, output_type="ndarray").T
+    again = (np.abs(run.time[one] - run.time[other]) > LATER_S) & (np.minimum(run.speed[one], run.speed[other]) > 2.0)
+    apart = (run.height[one] - run.height[other])[again]
+    return float(np.sqrt(np.mean(apart**2) / 2.0)), int(again.sum())
 
 
 def _rows(run: Drive) -> np.ndarray:

@@ -136,7 +136,7 @@ TILT = np.array([0.01, -0.02, 0.015, 0.005])
 
 
 def test_transition_is_the_derivative_of_the_mechanization(run, epochs):
-    model = compose("full", header())
+    model = compose("full", header(), corners=True)
     k, n = 120, model.size
     F, J = np.empty((9, n)), np.empty((3, n))
     x0 = state_of(run, epochs, k)
@@ -173,6 +173,26 @@ def test_transition_is_the_derivative_of_the_mechanization(run, epochs):
         assert np.abs(numeric - expected).max() < 5e-4 + 1e-2 * np.abs(expected).max(), (i, numeric, expected)
         # through the track axes the odometer's direction turns with the attitude as well, for delay, tilt and sag alone
         assert np.abs((d1 - d0) / (2 * steps[i]) - J[:, i]).max() < 1e-3 + 2e-2 * np.abs(J[:, i]).max(), i
+
+
+def test_unit_before_the_rear_axle_swings_out_and_a_lean_gives_way_to_the_force():
+    """A turn to the left by 0.1 radian within a second, 10 m travelled, 2 m/s² from the right, 1 m/s² along."""
+    model, row = compose("full", header(), corners=True), np.zeros(_kernels.COLUMNS)
+    matrix = rotation_vector_to_matrix([0.0, 0.0, 0.1])
+    row[:9], row[_kernels.VELOCITY : _kernels.VELOCITY + 3] = matrix.ravel(), [-2.0, 1.0, 9.8]
+    row[_kernels.ATTITUDE_TIME : _kernels.ATTITUDE_TIME + 9] = np.eye(3).ravel()
+    row[_kernels.ATTITUDE_TRAVEL : _kernels.ATTITUDE_TRAVEL + 9] = 10.0 * np.eye(3).ravel()
+    row[_kernels.DURATION], row[_kernels.TRAVEL] = 1.0, 10.0
+    axes, steps = np.empty((3, 3)), np.empty((3, 3))
+    moves.track_axes(row, np.eye(3), axes)
+    for D, (lever, right, up) in zip(steps, ((0.0, 0.0, 0.0), (0.7, 0.0, 0.0), (0.0, -4e-3, -3e-3)), strict=True):
+        x = np.zeros(state.STATE_COLUMNS)
+        x[6:15] = np.eye(3).ravel()
+        x[state.LEVER], x[state.LEAN], x[state.LEAN + 1] = lever, right, up
+        moves.odometer_step(row, x, axes, 0.0, 0.0 * TILT, D)
+    assert model.index("lean").stop == model.size
+    np.testing.assert_allclose(steps[1] - steps[0], [-0.7 * np.sin(0.1), 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(steps[2] - steps[0], [-4e-3 * -2.0 * 10.0, 0.0, -3e-3 * 1.0 * 10.0], atol=1e-12)
 
 
 def test_time_run_backwards_leads_back_to_the_start(run, epochs):
