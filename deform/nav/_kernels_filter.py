@@ -68,9 +68,8 @@ def scalar_update(P, dx, H, z, R, gate, K):
         dx[i] += k * innovation
     for i in range(n):
         ki = K[i] / s
-        for j in range(i, n):
+        for j in range(n):
             P[i, j] -= ki * K[j]
-            P[j, i] = P[i, j]
     for i in range(n):
         K[i] /= s
     return innovation, s, expected

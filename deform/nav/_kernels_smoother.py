@@ -58,9 +58,9 @@ def adjoint_measure(adjoint, information, H, K, innovation, s, g):
     for i in range(n):
         adjoint[i] -= H[i] * push
     for i in range(n):
-        for j in range(i, n):
-            information[i, j] += -H[i] * g[j] - g[i] * H[j] + H[i] * H[j] * weight
-            information[j, i] = information[i, j]
+        ahead, across = H[i] * weight - g[i], -H[i]
+        for j in range(n):
+            information[i, j] += ahead * H[j] + across * g[j]
     return 0.5 * (push * push - weight)
 
 
@@ -110,7 +110,7 @@ def slope_of_mean(x, P, adjoint, information, at, row, F, decay, reach, follows,
         recalled[c] += total * decay[m + c] * abs(row[TRAVEL]) / reach[m + c]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def backward(first, last, travel, span, noise, buffers, adjoint, information, smooth, sigma, pull, drive, recalled):
     """Smooth the bounds ``first`` ... ``last`` from the buffers of `forward`; adjoint and information come from behind ``last``.
 

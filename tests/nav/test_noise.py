@@ -38,7 +38,7 @@ def test_slopes_of_the_likelihood_are_its_finite_differences(monkeypatch):
     rng = np.random.default_rng(1)
     parts = noise.stretches(problem, run_forward(problem))
     parts = [noise._only(p, rng.random(p.travel.variance.shape) < 0.9) for p in parts]  # each component by itself may be left out
-    buffers = Buffers.of(problem.model.size, max(p.epochs.bounds.size for p in parts))
+    buffers = [Buffers.of(problem.model.size, p.epochs.bounds.size) for p in parts]
     usual = noise.Noise.usual().logs
     x = usual + rng.uniform(-1.0, 1.0, usual.size)
     slope, step = noise._misfit(x, parts, usual, buffers)[1], 1e-2
