@@ -26,7 +26,9 @@ STRETCH_EPOCHS, MOST_STRETCHES = 4 * BLOCK_EPOCHS, 2
 LEAST_EPOCHS = 200  # in motion, in a stretch that may teach
 DOUBT = 2.0  # factor on the sigmas of the state at the beginning of a stretch
 OUTLIER = 4.5  # sigma beyond which a displacement teaches nothing
-ROUNDS, ITERATIONS, MOST_STEP = 6, 12, 2.5  # a round lets a logarithm go so far
+ROUNDS, MOST_STEP = 7, 2.5  # a round lets a logarithm go so far
+ITERATIONS, PRECISION = (12, 40), 3e-7  # of the first round, which only tells what is an outlier, and of the others
+SHORTER = (0.3, 0.1, 0.03)  # of the wobble's mean: parts of its length at which the likelihood may have another summit
 # Noise of the velocity within an epoch moves the tool as well, and the filter lets it begin at the epoch's end; errors of a wheel
 # last longer than an epoch. A noise of the displacement below these parts of the usual one would stand for these only.
 LEAST_PART, LEAST_ALONG = 0.08, 0.04
@@ -111,20 +113,36 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
     part = np.repeat([0.0, LEAST_PART, LEAST_ALONG, 0.0, LEAST_PART, LEAST_MEAN_M / MEAN_M], [2 * WAVES, 2, 1, 2, 1, 2])
     with np.errstate(divide="ignore"):
         least = usual + np.log(part)
-    x, used, settled = usual.copy(), [np.zeros((0, 3), bool)] * len(parts), False
-    for _ in range(ROUNDS):
+    x, used, settled, probed = usual.copy(), [np.zeros((0, 3), bool)] * len(parts), False, False
+    for turn in range(ROUNDS):
         before, used = used, [_plausible(apply(p, Noise.of(x))) for p in parts]
         if settled and all((a == b).mean() > 0.999 for a, b in zip(before, used, strict=True)):
             break
         taught = [_only(p, use) for p, use in zip(parts, used, strict=True)]
-        options = {"maxiter": ITERATIONS, "ftol": 1e-6}
+        options = {"maxiter": ITERATIONS[min(turn, 1)], "ftol": PRECISION}
         bounds = np.column_stack([np.maximum(x - MOST_STEP, least), x + MOST_STEP])
         found = minimize(_misfit, x, (taught, usual, buffers), "L-BFGS-B", jac=True, bounds=bounds, options=options)
         stopped = (np.abs(found.x - x) > 0.999 * MOST_STEP) & (found.x > least + 1e-3)
         settled, x = bool(found.success) and not stopped.any(), found.x
+        if settled and not probed:
+            x, probed = _shorter_mean(x, float(found.fun), least, (taught, usual, buffers)), True
+            settled = bool(np.all(x == found.x))
     noise = Noise.of(x)
     _tell(noise)
     return apply(problem, noise)
+
+
+def _shorter_mean(x: Floats, value: float, least: Floats, arguments: tuple) -> Floats:
+    """Return the logarithms with the length of the wobble's mean, right or up, where it is much shorter and likelier."""
+    for i in (-2, -1):
+        for part in SHORTER:
+            tried = x.copy()
+            tried[i] = max(tried[i] + math.log(part), least[i])
+            there = _misfit(tried, *arguments)[0]
+            if there < value - 1.0:
+                x, value = tried, there
+                break
+    return x
 
 
 def wobble_spectrum(variance: Floats, mean: Floats, wavelength: Floats) -> Floats:
@@ -196,24 +214,28 @@ def _only(part: Problem, use: NDArray[np.bool_]) -> Problem:
 
 
 def _misfit(x: Floats, parts: list[Problem], usual: Floats, buffers: list[Buffers]) -> tuple[float, Floats]:
-    """Minus logarithm of the posterior probability, and its slopes."""
+    """Minus logarithm of the posterior probability, and its slopes; the stretches side by side."""
     noise = Noise.of(x)
     value, slope = _prior(x, usual)
-    tried = [apply(part, noise) for part in parts]
-    with ThreadPoolExecutor(len(parts)) as pool:
-        all_found = list(pool.map(slopes, tried, buffers))
-    for part, found in zip(parts, all_found, strict=True):
-        travel, model = part.travel, tried[0].model
-        known = travel.variance > 0
-        moving = known & ~travel.stationary[:, None]
-        ride = [np.sum((found.pull[:, c] * travel.travel)[moving[:, c]]) * noise.ride[c - 1] for c in (1, 2)]
-        along = np.sum((found.pull[:, 0] * travel.along_shape)[moving[:, 0]]) * noise.along
-        bias = [-found.drive[model.index(name)].sum() for name in ("gyro_bias", "accel_bias")]
-        wobble = found.drive[model.index("wobble")] + found.drive[model.index("sway")]
-        rest = found.pull[known & travel.stationary[:, None]].sum() * noise.rest
-        value -= found.score
-        slope -= np.concatenate([wobble, ride, [along], bias, [rest], found.recalled])
+    with ThreadPoolExecutor(len(parts)) as beside:
+        for score, pull in beside.map(_likelihood, parts, [noise] * len(parts), buffers):
+            value -= score
+            slope -= pull
     return value, slope
+
+
+def _likelihood(part: Problem, noise: Noise, buffers: Buffers) -> tuple[float, Floats]:
+    """Log-likelihood of a stretch, and its slopes to the logarithms of the noise."""
+    tried = apply(part, noise)
+    found, travel, model = slopes(tried, buffers), part.travel, tried.model
+    known = travel.variance > 0
+    moving = known & ~travel.stationary[:, None]
+    ride = [np.sum((found.pull[:, c] * travel.travel)[moving[:, c]]) * noise.ride[c - 1] for c in (1, 2)]
+    along = np.sum((found.pull[:, 0] * travel.along_shape)[moving[:, 0]]) * noise.along
+    bias = [-found.drive[model.index(name)].sum() for name in ("gyro_bias", "accel_bias")]
+    wobble = found.drive[model.index("wobble")] + found.drive[model.index("sway")]
+    rest = found.pull[known & travel.stationary[:, None]].sum() * noise.rest
+    return found.score, np.concatenate([wobble, ride, [along], bias, [rest], found.recalled])
 
 
 def _prior(x: Floats, usual: Floats) -> tuple[float, Floats]:
