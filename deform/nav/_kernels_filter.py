@@ -10,22 +10,17 @@ from numba import njit
 from deform.nav._kernels import COLUMNS, GAP, PARAMETERS, advance, correct_row, place_difference, shift_place
 from deform.nav._kernels_model import (
     SUMS,
-    drive_wobble,
-    follow_rows,
     lead,
     odometer_rows,
     odometer_step,
     predict,
     process,
-    share_noise,
     track_axes,
     unit_row,
 )
 from deform.nav._kernels_state import (
     B_COURSE,
     B_DISTANCE,
-    B_MEAN,
-    B_SWAY,
     B_WOBBLE,
     COURSE,
     DISTANCE,
@@ -38,6 +33,7 @@ from deform.nav._kernels_state import (
     feed_back,
     follow,
 )
+from deform.nav._kernels_wobble import drive_wobble, follow_rows, lead_errors, share_noise
 
 MOST_MARKS = 3  # at one bound; `aiding.mark_aid` hands on no more
 MOST_SCALARS = 6 + 3 * MOST_MARKS  # scalar measurements at one bound: a joint, an azimuth, 3 of each mark, 3 of travel, a rest
@@ -157,23 +153,6 @@ def keep_azimuth(P, dx, C, after, F, variance, gate, buffers, b, used, H, K):
     H[8] -= 1.0
     innovation, s, _ = scalar_update(P, dx, H, -turn, variance, gate, K)
     return note(buffers, b, used, H, K, innovation, s, OTHER)
-
-
-@njit(cache=True, error_model="numpy")
-def lead_errors(dx, F, decay, follows, recalls, at, led):
-    """Lead errors over an epoch as `drive_wobble` and `predict` lead their covariance."""
-    full = F.shape[0]
-    w, u, m = at[B_WOBBLE], at[B_SWAY], at[B_MEAN]
-    for i in range(follows.size):
-        dx[m + i % 2] += recalls[i % 2] * dx[w + i]
-        dx[w + i] += follows[i] * dx[u + i]
-    for i in range(dx.size):
-        led[i] = decay[i] * dx[i]
-    for i in range(full):
-        led[i] = 0.0
-        for j in range(dx.size):
-            led[i] += F[i, j] * dx[j]
-    dx[:] = led
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

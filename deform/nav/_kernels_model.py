@@ -40,7 +40,6 @@ from deform.nav._kernels_state import (
     B_MOUNTING,
     B_SAG,
     B_SCALE,
-    B_SWAY,
     B_TILT,
     B_WOBBLE,
     BANDS,
@@ -305,55 +304,6 @@ def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R
         Q[i] += (0.03 * s) ** 2 if row[GAP] > 0.0 else 0.0
         if reckoned:
             Q[i] += R[0] * axes[0, i] ** 2 + R[1] * axes[1, i] ** 2 + R[2] * axes[2, i] ** 2
-
-
-@njit(cache=True, error_model="numpy")
-def follow_rows(F, at, follows, recalls):
-    """Rows F of a transition become those that act behind `drive_wobble`."""
-    w, u, m = at[B_WOBBLE], at[B_SWAY], at[B_MEAN]
-    for i in range(follows.size):
-        for r in range(F.shape[0]):
-            F[r, w + i] -= recalls[i % 2] * F[r, m + i % 2]
-            F[r, u + i] -= follows[i] * F[r, w + i]
-
-
-@njit(cache=True, error_model="numpy")
-def drive_wobble(P, at, follows, recalls):
-    """Covariance when the mean has taken its part of the wobble, and the wobble its part of what drives it."""
-    w, u, m = at[B_WOBBLE], at[B_SWAY], at[B_MEAN]
-    for i in range(follows.size):
-        for j in range(P.shape[0]):
-            P[m + i % 2, j] += recalls[i % 2] * P[w + i, j]
-            P[w + i, j] += follows[i] * P[u + i, j]
-    for i in range(follows.size):
-        for j in range(P.shape[0]):
-            P[j, m + i % 2] += recalls[i % 2] * P[j, w + i]
-            P[j, w + i] += follows[i] * P[j, u + i]
-
-
-@njit(cache=True, error_model="numpy")
-def adjoint_drive_wobble(adjoint, information, at, follows, recalls):
-    """Take `drive_wobble` back."""
-    w, u, m = at[B_WOBBLE], at[B_SWAY], at[B_MEAN]
-    for i in range(follows.size):
-        adjoint[u + i] += follows[i] * adjoint[w + i]
-        adjoint[w + i] += recalls[i % 2] * adjoint[m + i % 2]
-        for j in range(adjoint.size):
-            information[u + i, j] += follows[i] * information[w + i, j]
-            information[w + i, j] += recalls[i % 2] * information[m + i % 2, j]
-    for i in range(follows.size):
-        for j in range(adjoint.size):
-            information[j, u + i] += follows[i] * information[j, w + i]
-            information[j, w + i] += recalls[i % 2] * information[j, m + i % 2]
-
-
-@njit(cache=True, error_model="numpy")
-def share_noise(P, at, shared):
-    """Add the noise that each state of the wobble shares with the one that drives it."""
-    w, u = at[B_WOBBLE], at[B_SWAY]
-    for i in range(shared.size):
-        P[w + i, u + i] += shared[i]
-        P[u + i, w + i] += shared[i]
 
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)

@@ -7,13 +7,11 @@ import math
 import numpy as np
 from numba import njit
 
-from deform.nav._kernels import COLUMNS, GAP, PARAMETERS, TRAVEL, correct_row
+from deform.nav._kernels import COLUMNS, GAP, PARAMETERS, correct_row
 from deform.nav._kernels_filter import OTHER
 from deform.nav._kernels_model import (
     SUMS,
-    adjoint_drive_wobble,
     adjoint_lead,
-    follow_rows,
     lead,
     odometer_rows,
     odometer_step,
@@ -22,17 +20,15 @@ from deform.nav._kernels_model import (
 )
 from deform.nav._kernels_state import (
     B_DISTANCE,
-    B_MEAN,
     B_SWAY,
     B_WOBBLE,
     MATRIX,
-    MEAN,
     NAVIGATED,
     WAVES,
-    WOBBLE,
     adjoint_begin_anew,
     feed_back,
 )
+from deform.nav._kernels_wobble import adjoint_drive_wobble, follow_rows, slope_of_mean
 
 PARAMETERS_EVERY = 10  # bounds between two sigmas of the instruments' parameters; in between the last one holds
 
@@ -86,36 +82,6 @@ def smoothed_sigma(P, information, wanted, sigma):
         sigma[i] = math.sqrt(max(P[i, i] - a, 0.0))
         sigma[k] = math.sqrt(max(P[k, k] - b, 0.0))
         sigma[m] = math.sqrt(max(P[m, m] - c, 0.0))
-
-
-@njit(cache=True, error_model="numpy")
-def slope_of_mean(x, P, adjoint, information, at, row, F, decay, reach, follows, recalls, v, q, recalled):
-    """Add to ``recalled`` (2,) the slope of the log-likelihood to the logarithm of the length of the wobble's mean, right and up.
-
-    The mean m goes to d m + (1 - d) w, d = exp(-s / length): its slope to d is that of the state along m - w.
-    """
-    n, full, m, first = adjoint.size, F.shape[0], at[B_MEAN], at[B_WOBBLE]
-    for c in range(2):
-        known = x[MEAN + c]
-        for j in range(n):
-            v[j] = P[m + c, j]
-        for i in range(c, follows.size, 2):
-            known -= x[WOBBLE + i]
-            for j in range(n):
-                v[j] -= P[first + i, j]
-        for i in range(follows.size):
-            v[m + i % 2] += recalls[i % 2] * v[first + i]
-            v[first + i] += follows[i] * v[at[B_SWAY] + i]
-        for i in range(n):
-            q[i] = decay[i] * v[i]
-        for i in range(full):
-            q[i] = 0.0
-            for j in range(n):
-                q[i] += F[i, j] * v[j]
-        total = -adjoint[m + c] * known
-        for j in range(n):
-            total += (adjoint[m + c] * adjoint[j] - information[m + c, j]) * q[j]
-        recalled[c] += total * decay[m + c] * abs(row[TRAVEL]) / reach[m + c]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
