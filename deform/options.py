@@ -32,6 +32,14 @@ class NavigationOptions:
 
 
 @dataclass(frozen=True, config=_STRICT)
+class PipeBookOptions:
+    """How far the lengths of a pipe book are believed."""
+
+    length_sigma_m: Positive = 0.01  # error of one length
+    scale_sigma_ppm: NotNegative = 100.0  # error that all lengths share: tape, temperature
+
+
+@dataclass(frozen=True, config=_STRICT)
 class CaliperOptions:
     """From arms to the wall, its dents and the weld log."""
 
@@ -318,6 +326,7 @@ class Options:
     """Options of all stages, as in the table ``[options]`` of a survey."""
 
     navigation: NavigationOptions = Field(default_factory=NavigationOptions)
+    pipe_book: PipeBookOptions = Field(default_factory=PipeBookOptions)
     caliper: CaliperOptions = Field(default_factory=CaliperOptions)
     strain: StrainOptions = Field(default_factory=StrainOptions)
     dent_strain: DentStrainOptions = Field(default_factory=DentStrainOptions)

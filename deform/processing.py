@@ -4,17 +4,30 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import xarray as xr
 
 from deform.options import Options
 from deform.run import build
 from deform.run.raw import RawRun
-from deform.survey_file import RunEntry
+from deform.survey_file import PipeBookEntry, RunEntry
+
+if TYPE_CHECKING:
+    from deform.nav.aiding import KnownPipe
 
 log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class PipeBook:
+    """What is known of the pipe as laid: a run of its joints, and straight stretches along it (`read_straights`) or None."""
+
+    joints: xr.DataTree
+    straights: np.ndarray | None = None
 
 
 def process(
@@ -22,6 +35,7 @@ def process(
     options: Options | None = None,
     *,
     control: xr.Dataset | None = None,
+    book: PipeBook | None = None,
     line: str | None = None,
     outside_diameter_m: float | None = None,
     progress: Callable[[float], None] | None = None,
@@ -33,6 +47,7 @@ def process(
     entry : what a survey says of the run, or the path of a raw run folder.
     options : options of all stages.
     control : surveyed control points (group ``control``).
+    book : what is known of the pipe as laid; it aids the navigation of a raw run.
     line, outside_diameter_m : of a listing, which seldom says them.
     progress : called with the fraction done.
 
@@ -59,7 +74,7 @@ def process(
     known = {"line": line, "outside_diameter_m": outside_diameter_m} if entry.tally else {}
     source = read_source(path, entry.columns, entry.id, entry.date, **known)  # type: ignore[arg-type] # mypy joins str and float
     if isinstance(source, RawRun):
-        return process_raw(source, options, control=control, progress=progress)
+        return process_raw(source, options, control=control, book=book, progress=progress)
     return source
 
 
@@ -68,6 +83,7 @@ def process_raw(
     options: Options,
     *,
     control: xr.Dataset | None = None,
+    book: PipeBook | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> xr.DataTree:
     """Return the run of a raw run: navigation, caliper, centreline, bending and dent strain, in this order."""
@@ -82,7 +98,8 @@ def process_raw(
     pipe = raw.header.pipe
     if remark := datum_remark(control, raw.passages, raw.header.id):
         log.warning("%s", remark)
-    navigation = navigate(raw, options.navigation, control=control, progress=lambda f: tick(0.6 * f))
+    known = None if book is None else _known_pipe(raw, book, options)
+    navigation = navigate(raw, options.navigation, control, lambda f: tick(0.6 * f), known)
     caliper = measure(raw, navigation.trajectory, options.caliper, progress=lambda f: tick(0.6 + 0.3 * f))
     line = centreline(navigation, raw.header, options.navigation, pose=caliper.pose)
     line = add_bending(line, outside_diameter=pipe.outside_diameter_m, options=options.strain)
@@ -96,7 +113,7 @@ def process_raw(
         dents = add_dent_strain(dents, caliper.wall, outside_diameter=size, wall_thickness=wall, options=options.dent_strain)
     tick(1.0)
     return build.run_tree(
-        _run_attrs(raw),
+        _run_attrs(raw, known),
         centreline=line,
         welds=caliper.welds,
         caliper=caliper.wall,
@@ -107,9 +124,29 @@ def process_raw(
     )
 
 
-def _run_attrs(raw: RawRun) -> dict[str, Any]:
+def _known_pipe(raw: RawRun, book: PipeBook, options: Options) -> KnownPipe | None:
+    """Find the joints of the pipe book that the run passed by its weld events and wheels."""
+    from deform.correlate.pipe_book import known_pipe
+    from deform.nav import odometer
+
+    if raw.weld_events is None:
+        log.warning("run %s: the pipe book is not used: the run has no weld events", raw.id)
+        return None
+    time = raw.weld_events["time"].values
+    place = odometer.combine(raw, options.navigation).profile.at(time)[0]
+    return known_pipe(book.joints, time, place, raw.id, book.straights, options.pipe_book)
+
+
+def _run_attrs(raw: RawRun, known: KnownPipe | None) -> dict[str, Any]:
     header = raw.header
-    return {
+    aids = (
+        {}
+        if known is None
+        else {
+            "pipe_book": f"{len(known.joints)} lengths of joints and {len(known.straights)} straight stretches aid the navigation"
+        }
+    )
+    return aids | {
         "id": header.id,
         "line": header.run.line,
         "date": header.run.date.isoformat(),
@@ -121,6 +158,16 @@ def _run_attrs(raw: RawRun) -> dict[str, Any]:
         "input_sha256": "\n".join(f"{digest}  {name}" for name, digest in sorted(raw.hashes.items())),
         "repairs": "\n".join(raw.repairs),
     }
+
+
+def pipe_book(entry: PipeBookEntry, outside_diameter_m: float | None = None) -> PipeBook | None:
+    """Return the pipe book of a survey, or None without one; errors as in `deform.readers.pipe_book`."""
+    if entry.joints is None:
+        return None
+    from deform.readers.pipe_book import read_joints, read_straights
+
+    joints = read_joints(entry.joints, entry.columns, outside_diameter_m)
+    return PipeBook(joints, None if entry.straights is None else read_straights(entry.straights))
 
 
 def control_points(path: Path | None, crs: str | None = None) -> xr.Dataset | None:

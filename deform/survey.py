@@ -17,9 +17,9 @@ import xarray as xr
 import deform.options as _options
 from deform.errors import Fault, InputError, MissingExtraError
 from deform.ledger import Ledger, Progress, StageRecord, key_of, silent
-from deform.processing import control_points, process
+from deform.processing import control_points, pipe_book, process
 from deform.run import history, store
-from deform.survey_file import SURFACE_FORMATS, RunEntry, Survey, read_survey
+from deform.survey_file import SURFACE_FORMATS, PipeBookEntry, RunEntry, Survey, read_survey
 
 _log = logging.getLogger(__name__)
 _EXTRAS = {"pdf": "weasyprint", "gpkg": "pyogrio", "ply": "open3d", "glb": "open3d", "stl": "open3d"}
@@ -66,7 +66,9 @@ def process_runs(survey: Survey, ledger: Ledger, workers: int = 1) -> dict[str, 
     stage_options = _options.as_dict(survey.options)
     part = {k: stage_options[k] for k in ("navigation", "caliper", "strain", "dent_strain")}
     control = history.sha256(survey.control) if survey.control else None
-    constant = [survey.line, survey.outside_diameter_m, survey.control_crs]
+    constant: list = [survey.line, survey.outside_diameter_m, survey.control_crs]
+    if book := _files_of(survey.pipe_book):
+        constant += [{file.name: history.sha256(file) for file in book}, survey.pipe_book.columns, stage_options["pipe_book"]]
     keys = {s["id"]: key_of(s["id"], s["inputs"], str(s["entry"].date), part, control, constant) for s in sources}
     waiting = [s for s in sources if not ledger.done(f"process {s['id']}", keys[s["id"]])]
     if workers > 1 and len(waiting) > 1:
@@ -82,10 +84,16 @@ def process_runs(survey: Survey, ledger: Ledger, workers: int = 1) -> dict[str, 
     return keys
 
 
+def _files_of(book: PipeBookEntry) -> list[Path]:
+    """Files that a pipe book is read from; a shipped column map is none."""
+    return [Path(name) for name in (book.joints, book.columns, book.straights) if name and Path(name).is_file()]
+
+
 def _process_one(survey: Survey, run_id: str, entry: RunEntry, record: StageRecord, tick: Callable[[float], None]) -> None:
     control = control_points(survey.control, survey.control_crs)
     size = survey.outside_diameter_m
-    run = process(entry, survey.options, control=control, line=survey.line, outside_diameter_m=size, progress=tick)
+    book = pipe_book(survey.pipe_book, size) if entry.raw else None
+    run = process(entry, survey.options, control=control, book=book, line=survey.line, outside_diameter_m=size, progress=tick)
     record.detail = {"source": run.attrs.get("source", ""), "date": run.attrs.get("date", "")}
     record.detail |= {"repairs": [r for r in str(run.attrs.get("repairs", "")).splitlines() if r]}
     store.write_run(run, survey.folder / "runs" / f"{run_id}.nc")

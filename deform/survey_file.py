@@ -8,7 +8,7 @@ from dataclasses import dataclass as plain_dataclass
 from dataclasses import field as plain_field
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from pydantic import ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
@@ -51,6 +51,18 @@ class ControlEntry:
 
 
 @dataclass(frozen=True, config=_STRICT)
+class PipeBookEntry:
+    """Table ``[pipe_book]``: a listing of the joints as laid with its column map, and a CSV of straight stretches along it."""
+
+    joints: str | None = None
+    columns: str | None = None
+    straights: str | None = None
+
+
+_Entry = TypeVar("_Entry", RunEntry, PipeBookEntry)
+
+
+@dataclass(frozen=True, config=_STRICT)
 class MatchEntry:
     """Table ``[match]``: a CSV of pairs that a person locked or forbade."""
 
@@ -70,6 +82,7 @@ class _Content:
     line: LineEntry
     runs: tuple[RunEntry, ...]
     control: ControlEntry = Field(default_factory=ControlEntry)
+    pipe_book: PipeBookEntry = Field(default_factory=PipeBookEntry)
     match: MatchEntry = Field(default_factory=MatchEntry)
     outputs: OutputEntry = Field(default_factory=OutputEntry)
 
@@ -85,6 +98,7 @@ class Survey:
     outside_diameter_m : of the listings that do not say it themselves.
     runs : the entries in the order of the file, paths resolved.
     control, locks : files, or None; control_crs is the reference system of the points.
+    pipe_book : listing of the joints as laid, its column map, straight stretches along it; paths, or None.
     folder : output folder.
     formats : what is written for people.
     options : options of all stages.
@@ -98,6 +112,7 @@ class Survey:
     control: Path | None = None
     control_crs: str | None = None
     locks: Path | None = None
+    pipe_book: PipeBookEntry = plain_field(default_factory=PipeBookEntry)
     formats: tuple[str, ...] = (*REPORT_FORMATS, *SURFACE_FORMATS)
     options: Options = plain_field(default_factory=Options)
 
@@ -132,7 +147,10 @@ def _resolved(content: _Content, path: Path, options: Options) -> Survey:
     for number, entry in enumerate(content.runs, 1):
         faults += _entry_faults(entry, f"{path.name} [[runs]] {number}", folder)
         runs.append(_with_paths(entry, folder))
-    files = {"points": content.control.points, "locks": content.match.locks}
+    book = content.pipe_book
+    files = {"points": content.control.points, "locks": content.match.locks, "joints": book.joints, "straights": book.straights}
+    if book.straights and not book.joints:
+        faults.append(Fault(path.name, "pipe_book", "straights stand along a pipe book; give its joints too"))
     absent = {key: file for key, file in files.items() if file and not (folder / file).is_file()}
     faults += [Fault(path.name, key, f"{file}: no such file") for key, file in absent.items()]
     if faults:
@@ -146,6 +164,7 @@ def _resolved(content: _Content, path: Path, options: Options) -> Survey:
         control=folder / content.control.points if content.control.points else None,
         control_crs=content.control.crs,
         locks=folder / content.match.locks if content.match.locks else None,
+        pipe_book=_with_paths(book, folder),
         formats=tuple(content.outputs.formats),
         options=options,
     )
@@ -165,9 +184,10 @@ def _entry_faults(entry: RunEntry, where: str, folder: Path) -> list[Fault]:
     return faults
 
 
-def _with_paths(entry: RunEntry, folder: Path) -> RunEntry:
+def _with_paths(entry: _Entry, folder: Path) -> _Entry:
     """Paths made whole; `columns` stays a name when no such file is there (a map that is shipped)."""
-    changes: dict[str, Any] = {k: str(folder / v) for k in ("raw", "tally") if (v := getattr(entry, k)) is not None}
+    names = ("raw", "tally", "joints", "straights")
+    changes: dict[str, Any] = {k: str(folder / v) for k in names if (v := getattr(entry, k, None)) is not None}
     if entry.columns and (folder / entry.columns).is_file():
         changes["columns"] = str(folder / entry.columns)
     return replace(entry, **changes)

@@ -39,6 +39,7 @@ def real() -> Path:
 SLOW = (
     "tests/test_wheel.py::test_demo_runs_from_the_installed_wheel",
     "tests/test_survey.py::test_raw_run_and_listing_meet_in_one_survey",
+    "tests/test_survey.py::test_pipe_book_tells_a_raw_run_how_long_its_joints_are",
     "tests/test_survey.py::test_survey_of_one_run_gives_its_inventory_and_no_comparison",
     "tests/test_survey.py::test_truncated_input_stops_with_the_file_named_and_keeps_what_was_complete",
     "tests/nav/test_bad_input.py",

@@ -6,8 +6,10 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
 from deform.errors import InputError
 from deform.ledger import key_of
@@ -180,6 +182,38 @@ event = "girth weld"
 
 
 # ---- bad input -------------------------------------------------------------------------------------
+
+
+BOOK = """name = "book"
+[columns]
+distance = { header = "Distance [m]", unit = "m" }
+event = "Event"
+[pipe]
+outside_diameter_m = 0.3239
+[[rows]]
+kind = "weld"
+event = "girth weld"
+"""
+
+
+def test_pipe_book_tells_a_raw_run_how_long_its_joints_are(demo, tmp_path):
+    joints = pd.read_csv(demo / "truth" / "demo-2019" / "joints_truth.csv")
+    measured = joints.length_m + np.random.default_rng(4).normal(0.0, 0.008, len(joints))
+    welds = pd.DataFrame({"Distance [m]": np.cumsum(measured)[:-1].round(3), "Event": "girth weld"})
+    welds.to_csv(tmp_path / "book.csv", index=False)
+    (tmp_path / "book.toml").write_text(BOOK)
+    (tmp_path / "straights.csv").write_text("from_m,to_m,sigma_deg\n425.6,463.2,0.02\n808.1,845.5,0.03\n")
+    survey = _survey(tmp_path, _raw(demo, "demo-2019"), "[]")
+    book = '[pipe_book]\njoints = "book.csv"\ncolumns = "book.toml"\nstraights = "straights.csv"\n'
+    survey.write_text(survey.read_text() + book)
+    run = store.read_run(run_survey(survey) / "runs" / "demo-2019.nc", ["welds", "centreline"])
+    said = run.attrs["pipe_book"].split()
+    assert int(said[0]) > 300
+    assert "2 straight stretches" in run.attrs["pipe_book"]
+    with xr.open_dataset(demo / "truth" / "demo-2019" / "truth.nc", decode_times=False) as true:
+        found, places = run["welds"]["chainage"].values, np.interp(run["welds"]["time"].values, true.time, true.chainage)
+    off = found - places
+    assert np.std(off) < 0.1  # 4 km; the wheels alone are off by 0.4 % before markers
 
 
 def test_all_faults_of_a_survey_file_are_listed_at_once(tmp_path):

@@ -60,6 +60,20 @@ class TravelAid:
 
 
 @dataclass(frozen=True)
+class KnownPipe:
+    """What is known of the pipe without the run, by the times at which the run passed it.
+
+    Parameters
+    ----------
+    joints : (joint, 4) times at which the welds at both ends were passed (s), length between them and its sigma (m).
+    straights : (stretch, 3) times of begin and end (s), and how far the azimuth may stray within the stretch, as sigma (radian).
+    """
+
+    joints: Floats = field(default_factory=lambda: np.empty((0, 4)))
+    straights: Floats = field(default_factory=lambda: np.empty((0, 3)))
+
+
+@dataclass(frozen=True)
 class SpanAid:
     """What is known of stretches of pipe: lengths of joints between two welds, and stretches that keep their azimuth.
 
@@ -173,14 +187,12 @@ def mark_aid(epochs: Epochs, time: Floats, place: Floats, sigma: Floats, time_si
     return MarkAid(index, epoch, place[index], variance, t - epochs.time[epoch], np.ones(index.size))
 
 
-def span_aid(epochs: Epochs, travel: TravelAid, joints: Floats | None = None, straights: Floats | None = None) -> SpanAid:
+def span_aid(epochs: Epochs, travel: TravelAid, known: KnownPipe) -> SpanAid:
     """Return what is known of joints and straight stretches, on the epochs.
 
     Parameters
     ----------
     travel : speeds at the bounds; they take a weld's passage to the nearest bound.
-    joints : (joint, 4) times at which the welds at both ends were passed (s), length between them and its sigma (m).
-    straights : (stretch, 3) times of begin and end (s), and how far the azimuth may stray within the stretch, as sigma (radian).
 
     Notes
     -----
@@ -197,10 +209,10 @@ def span_aid(epochs: Epochs, travel: TravelAid, joints: Floats | None = None, st
     n = epochs.bounds.size
     begins = np.zeros(n, np.int64)
     joint, straight = np.empty((0, 2)), np.empty(0)
-    if joints is not None and len(joints):
+    if len(known.joints):
         joint = np.full((n, 2), np.nan)
         last = -1
-        for begin_s, end_s, length, sigma in joints[np.argsort(joints[:, 0], kind="stable")]:
+        for begin_s, end_s, length, sigma in known.joints[np.argsort(known.joints[:, 0], kind="stable")]:
             begin, end = nearest_bound(epochs.time, np.array([begin_s, end_s]))
             if begin < last or end <= begin or not length > 0:
                 log.warning("joint of %.3f m from t=%.2f s to %.2f s overlaps the one before, or has no length; not used",
@@ -210,9 +222,9 @@ def span_aid(epochs: Epochs, travel: TravelAid, joints: Floats | None = None, st
             joint[end] = length + late[0] - late[1], sigma**2
             begins[begin] |= RESET_DISTANCE
             last = end
-    if straights is not None and len(straights):
+    if len(known.straights):
         straight = np.zeros(n)
-        for begin_s, end_s, sigma in straights:
+        for begin_s, end_s, sigma in known.straights:
             begin, end = nearest_bound(epochs.time, np.array([begin_s, end_s]))
             begins[begin] |= RESET_COURSE
             here = np.arange(begin + 1, end)
@@ -222,8 +234,8 @@ def span_aid(epochs: Epochs, travel: TravelAid, joints: Floats | None = None, st
     return SpanAid(joint, straight, begins if begins.any() else np.empty(0, np.int64))
 
 
-def rest_aid(epochs: Epochs, travel: TravelAid, walk: float, pulse: float) -> SpanAid:
-    """Return that a tool at rest does not turn about the vertical: the gyros then show their bias there.
+def rest_aid(epochs: Epochs, travel: TravelAid, walk: float, pulse: float) -> Floats:
+    """Return that a tool at rest does not turn about the vertical (`SpanAid.resting`): the gyros then show their bias there.
 
     Parameters
     ----------
@@ -231,7 +243,7 @@ def rest_aid(epochs: Epochs, travel: TravelAid, walk: float, pulse: float) -> Sp
     pulse : of the gyros (radian).
     """
     variance = walk * epochs.duration + pulse**2 / 6.0 + SETTLING_RAD**2
-    return SpanAid(resting=np.where(travel.stationary & (epochs.gap == 0), variance, 0.0))
+    return np.where(travel.stationary & (epochs.gap == 0), variance, 0.0)
 
 
 def nearest_bound(bounds: Floats, time: Floats) -> NDArray[np.int64]:

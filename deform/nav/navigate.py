@@ -5,14 +5,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from deform.nav import odometer, product
-from deform.nav.aiding import RIDE_DENSITY, WOBBLE_DENSITY, TravelAid, mark_aid, rest_aid, travel_aid
+from deform.nav.aiding import RIDE_DENSITY, WOBBLE_DENSITY, KnownPipe, TravelAid, mark_aid, rest_aid, span_aid, travel_aid
 from deform.nav.alignment import align
 from deform.nav.arm_tilt import ring_centres
 from deform.nav.compensation import compensation_table
@@ -56,7 +56,11 @@ class Navigation:
 
 
 def navigate(
-    raw: RawRun, options: NavigationOptions | None = None, control: xr.Dataset | None = None, progress: Progress = None
+    raw: RawRun,
+    options: NavigationOptions | None = None,
+    control: xr.Dataset | None = None,
+    progress: Progress = None,
+    known: KnownPipe | None = None,
 ) -> Navigation:
     """Return the trajectory of a raw run.
 
@@ -66,13 +70,16 @@ def navigate(
     options : options of the navigation.
     control : group ``control`` of the vocabulary; a point that bears the name of a marker of the run gives it its coordinates.
     progress : called with the fraction done.
+    known : lengths of joints and straight stretches from a pipe book (`deform.correlate.pipe_book.known_pipe`).
 
     Raises
     ------
     InputError
         With every fault that keeps the run from being navigated.
+    OptionError
+        When lengths of joints are given to an error model that reckons by the odometer.
     """
-    options = options or NavigationOptions()
+    options, known = options or NavigationOptions(), known or KnownPipe()
     tell = progress or (lambda fraction: None)
     counts = counts_of(raw)
     wheels = odometer.combine(raw, options)
@@ -80,7 +87,8 @@ def navigate(
     passages = with_control(raw.passages if raw.passages is not None else _no_passages(), control)
     bounds = epoch_bounds(counts.time, options.filter_interval_s, passages["time"].values)
     epochs = preintegrate(counts, wheels.profile, bounds)
-    model = compose(options.error_model, raw.header, corners=bool(np.quantile(epochs.side_force, 0.99) > CORNERING))
+    corners = bool(np.quantile(epochs.side_force, 0.99) > CORNERING)
+    model = compose(options.error_model, raw.header, len(known.joints) > 0, len(known.straights) > 0, corners)
     across = RIDE_DENSITY if model.index("wobble").stop else WOBBLE_DENSITY
     travel = aid_of(epochs, wheels.profile, across)
     aligned = align(counts, epochs, travel, raw.header)
@@ -92,8 +100,9 @@ def navigate(
     )
     marks = mark_aid(epochs, passages["time"].values, places, sigma, options.marker_time_sigma_s)
     start, aligned = first_state(raw, epochs, marks, aligned, model, float(travel.speeds[0]))
-    rests = rest_aid(epochs, travel, float(model.walk[8]), counts.gyro_pulse)
-    solution = solve(Problem(epochs, travel, marks, model, start, rests), ring_centres(raw))
+    resting = rest_aid(epochs, travel, float(model.walk[8]), counts.gyro_pulse)
+    spans = replace(span_aid(epochs, travel, known), resting=resting)
+    solution = solve(Problem(epochs, travel, marks, model, start, spans), ring_centres(raw))
     tell(0.8)
     with ThreadPoolExecutor(1) as beside:  # the backward run and the trajectory need nothing of each other
         backward = beside.submit(agreement, solution.problem, solution.filtered, solution.smoothed)

@@ -10,7 +10,7 @@ import pytest
 
 from deform.geometry.earth import EARTH_RATE, enu_difference
 from deform.nav import _kernels_state as kernels
-from deform.nav.aiding import SETTLING_RAD, mark_aid, rest_aid, travel_aid
+from deform.nav.aiding import SETTLING_RAD, SpanAid, mark_aid, rest_aid, travel_aid
 from deform.nav.error_model import compose
 from deform.nav.filter import NO_STATES, Buffers, Innovations, Problem, Start, run_block, run_forward
 from deform.nav.navigate import navigate
@@ -48,7 +48,7 @@ def at_rest(azimuth_off_deg: float = 3.0, rests: bool = False) -> Problem:
     model = replace(model, walk=walk, tau=np.zeros_like(model.tau), steady=np.zeros_like(model.steady))
     none = mark_aid(epochs, np.empty(0), np.empty((0, 3)), np.empty((0, 2)), 0.0)
     problem = Problem(epochs, travel, none, model, Start(state, np.diag(variance)), about=truth)
-    return replace(problem, spans=rest_aid(epochs, travel, WALK**2, GYRO_PULSE)) if rests else problem
+    return replace(problem, spans=SpanAid(resting=rest_aid(epochs, travel, WALK**2, GYRO_PULSE))) if rests else problem
 
 
 def behind(problem: Problem) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ from deform.nav._kernels import ATTITUDE_TRAVEL, TRAVEL
 from deform.nav._kernels_filter import direction_rows
 from deform.nav._kernels_model import unit_row
 from deform.nav._kernels_state import BANDS, COURSE, SCALE
-from deform.nav.aiding import span_aid
+from deform.nav.aiding import KnownPipe, span_aid
 from deform.nav.filter import run_forward
 from deform.nav.smoother import smooth
 from tests.nav.test_filter import errors, problem_of
@@ -40,7 +40,7 @@ def test_lengths_of_joints_find_the_scale_of_the_odometer():
     stretched.table[:, TRAVEL] *= 1.004
     stretched.table[:, ATTITUDE_TRAVEL : ATTITUDE_TRAVEL + 9] *= 1.004
     problem = replace(problem, epochs=stretched)
-    joints = replace(problem, spans=span_aid(problem.epochs, problem.travel, joints=joints_of(run)))
+    joints = replace(problem, spans=span_aid(problem.epochs, problem.travel, KnownPipe(joints=joints_of(run))))
     scale = problem.model.index("scale")
     found, blind = (smooth(p, run_forward(p)) for p in (joints, problem))
     assert abs(found.states[-1, SCALE] + 0.004 / 1.004) < 3.0 * found.sigma[-1, scale][0]
@@ -56,7 +56,7 @@ def test_a_straight_stretch_holds_the_azimuth_of_the_pipe():
     for straight in (False, True):
         _, problem = problem_of(duration=800.0, marks_every=1e4, aids=True, turn_deg=0.0, wobble_deg=0.08)
         if straight:
-            spans = span_aid(problem.epochs, problem.travel, straights=np.array([[240.0, 790.0, np.radians(0.005)]]))
+            spans = span_aid(problem.epochs, problem.travel, KnownPipe(straights=np.array([[240.0, 790.0, np.radians(0.005)]])))
             problem = replace(problem, spans=spans)
         found = smooth(problem, run_forward(problem))
         here = slice(260, 780)
@@ -68,7 +68,7 @@ def test_the_azimuth_of_a_straight_stretch_lies_within_its_sigma():
     normal = []
     for seed in range(6):
         _, problem = problem_of(duration=500.0, seed=seed, marks_every=60.0, aids=True, turn_deg=0.0, wobble_deg=0.08)
-        spans = span_aid(problem.epochs, problem.travel, straights=np.array([[240.0, 490.0, np.radians(0.005)]]))
+        spans = span_aid(problem.epochs, problem.travel, KnownPipe(straights=np.array([[240.0, 490.0, np.radians(0.005)]])))
         problem = replace(problem, spans=spans)
         found = smooth(problem, run_forward(problem))
         error = found.states[350, COURSE] - np.radians(100.0)
