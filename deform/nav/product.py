@@ -126,6 +126,11 @@ def diagnostics_dataset(solution: Solution, aligned: Alignment, checks: Checks) 
         values |= _with_sigma("mounting_azimuth", mounting[0], sigma[0]) | _with_sigma("mounting_pitch", mounting[1], sigma[1])
     if model.at[k.B_DELAY] >= 0:
         values |= _with_sigma("delay", smoothed.states[-1, k.DELAY], smoothed.sigma[-1, model.index("delay")][0])
+    if model.at[k.B_LEVER] >= 0:
+        last, sigma = smoothed.states[-1], smoothed.sigma[-1]
+        lean, spread = np.degrees(last[k.LEAN : k.LEAN + 2]), np.degrees(sigma[model.index("lean")])
+        values |= _with_sigma("lever", last[k.LEVER], sigma[model.index("lever")][0])
+        values |= _with_sigma("lean_right", lean[0], spread[0]) | _with_sigma("lean_up", lean[1], spread[1])
     for name, *angle in zip(("azimuth", "pitch", "roll"), aligned.angles, aligned.angle_sigma, strict=True):
         values |= _with_sigma(f"alignment_{name}", *angle)
     values |= _innovations(solution)

@@ -40,3 +40,11 @@ def test_errors_are_no_larger_than_both_sigmas_say(run, found):
     inside = np.mean(np.abs(off) < 1.96 * np.hypot(own, reference_error(run)[0]), axis=0)
     assert inside.min() > 0.9
     assert not found.diagnostics.attrs["remarks"]
+
+
+def test_lever_and_lean_of_the_car_are_told(found):
+    """The velocity of the reference, regressed on turn and force, gives 0.82 m and -6e-3 rad per m/s² to the side."""
+    told = found.diagnostics
+    assert 0.4 < float(told["lever"]) < 1.2
+    assert -0.6 < float(told["lean_right"]) < -0.1
+    assert 0.0 < float(told["lever_sigma"]) < 0.2
