@@ -151,6 +151,19 @@ def enu_difference(
     return east, np.radians(latitude - latitude_0) * (meridian + level), height - height_0
 
 
+def enu_path(latitude: ArrayLike, longitude: ArrayLike, height: ArrayLike) -> Floats:
+    """Return the way from the first of many near points to each, (n, 3) east, north, up (metre), as the sum of its small steps.
+
+    Notes
+    -----
+    Each step has the east and north of its own place, so that a path of steps led by an inertial unit can be laid beside it over
+    any length. `enu_difference` from the first point cannot: at 61° and 200 km further north its metre east is 3 % short.
+    """
+    places = [np.asarray(v, float) for v in (latitude, longitude, height)]
+    steps = np.column_stack(enu_difference(*(v[1:] for v in places), *(v[:-1] for v in places)))
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+
+
 def enu_shift(
     latitude: ArrayLike, longitude: ArrayLike, height: ArrayLike, east: ArrayLike, north: ArrayLike, up: ArrayLike
 ) -> tuple[Floats, Floats, Floats]:

@@ -39,11 +39,10 @@ def first_state(
     """
     launch = raw.header.launch
     place = np.array([math.radians(launch.latitude_deg), math.radians(launch.longitude_deg), launch.height_m])
-    steps = dead_reckon(epochs, place, aligned.attitude).steps
-    path = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])[marks.epoch]
-    points = np.column_stack(
-        earth.enu_difference(*_degrees(marks.place), np.degrees(place[0]), np.degrees(place[1]), place[2])
-    ).reshape(-1, 3)
+    reckoned = dead_reckon(epochs, place, aligned.attitude)
+    path = np.concatenate([np.zeros((1, 3)), np.cumsum(reckoned.steps, axis=0)])[marks.epoch]
+    apart = earth.enu_difference(*_degrees(marks.place), *_degrees(reckoned.places[marks.epoch]))
+    points = path + np.column_stack(apart).reshape(-1, 3)  # where the path's own east and north hold
     if aligned.sigma[2] > UNKNOWN_AZIMUTH_RAD:
         aligned, path = _azimuth_from_marks(aligned, path, points)
     shift, sigma = _launch_shift(path, points, aligned.sigma[2])

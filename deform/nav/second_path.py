@@ -77,7 +77,7 @@ def second_path(solution: Solution) -> SecondPath:
         epoch = np.zeros(1, np.int64)
         difference = np.column_stack(earth.enu_difference(*_degrees(reckoned.places), *_degrees(states)))
     else:
-        path = np.column_stack(earth.enu_difference(*_degrees(states), *(v[0] for v in _degrees(states))))
+        path = earth.enu_path(*_degrees(states))
         marks = path[epoch] - solution.closed[use]
         found = correct_between_marks(reckoned.steps, epoch, marks, np.sqrt(problem.marks.variance[use]), gate=np.inf)
         difference = found.path - path

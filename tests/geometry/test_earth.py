@@ -100,3 +100,15 @@ def test_kernels_say_the_same_as_the_public_functions(latitude, height, ve, vn):
     assert _kernels.transport_rate(phi, height, ve, vn) == pytest.approx(
         earth.transport_rate(latitude, height, ve, vn), abs=1e-18
     )
+
+
+def test_a_path_of_small_steps_keeps_its_metre_far_from_its_begin():
+    north = np.linspace(61.0, 62.8, 4001)  # 200 km
+    longitude = np.where(north > 62.7, 0.02 * (north - 62.7) / 0.1, 0.0)  # then 1 km to the east
+    path = earth.enu_path(north, longitude, np.zeros(north.size))
+    geod = pytest.importorskip("pyproj").Geod(ellps="WGS84")
+    legs = geod.inv(longitude[:-1], north[:-1], longitude[1:], north[1:])[2]
+    assert np.linalg.norm(np.diff(path, axis=0), axis=1) == pytest.approx(legs, rel=1e-6)
+    east = geod.inv(0.0, 62.75, 0.02, 62.75)[2]
+    assert path[-1, 0] == pytest.approx(east, rel=1e-4)
+    assert earth.enu_difference(62.8, 0.02, 0.0, 61.0, 0.0, 0.0)[0] > 1.02 * east  # what a difference from the first makes of it
