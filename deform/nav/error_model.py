@@ -27,7 +27,7 @@ WOBBLE_DEG = (0.05, 0.05, 0.05)
 MEAN_M = 300.0
 SWAY_VARIANCE = 2.0  # of what drives a component of the wobble, against the component's own
 SHEAR_RAD = 1e-4  # askewness of a triad's axes that makers do not state
-SCALE_WALK = 3e-6  # of the odometer's scale per root metre
+SCALE_WALK = 3e-6  # of the odometer's scale per root metre, where wheels do not tell it (`nav.wheel_scale.wander`)
 LEVER_M = 1.0  # of the unit before the point that keeps to the line: the middle between a tool's cups, the rear axle of a car
 LEAN_RAD = 5e-3  # per m/s² of specific force: by how much springs and tyres, or cups, let the axis give way
 BIAS_CORRELATION_S = 8e4  # an hour then takes a bias away by three tenths of its sigma
@@ -188,6 +188,12 @@ class ErrorModel:
         reach = self.reach.copy()
         reach[self.index("mean")] = length_m
         return replace(self, reach=reach)
+
+    def with_wander(self, walk: float) -> ErrorModel:
+        """Return the model with another random walk of the odometer's scale, per root metre of travel."""
+        travel_walk = self.travel_walk.copy()
+        travel_walk[self.index("scale")] = walk**2
+        return replace(self, travel_walk=travel_walk)
 
     def with_biases(self, correlation_s: Floats) -> ErrorModel:
         """Return the model with other correlation times of gyro and accelerometer bias (s)."""

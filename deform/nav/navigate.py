@@ -89,6 +89,7 @@ def navigate(
     epochs = preintegrate(counts, wheels.profile, bounds)
     corners = bool(np.quantile(epochs.side_force, 0.99) > CORNERING)
     model = compose(options.error_model, raw.header, len(known.joints) > 0, len(known.straights) > 0, corners)
+    model = model.with_wander(wheels.wander)
     across = RIDE_DENSITY if model.index("wobble").stop else WOBBLE_DENSITY
     travel = aid_of(epochs, wheels.profile, across)
     aligned = align(counts, epochs, travel, raw.header)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from deform.errors import Fault, InputError
 from deform.geometry.resample import robust_sigma
-from deform.nav import _kernels_path
+from deform.nav import _kernels_path, wheel_scale
+from deform.nav.error_model import SCALE_WALK
 from deform.nav.profile import Profile
 from deform.options import NavigationOptions
 from deform.run.raw import RawRun
@@ -26,7 +27,6 @@ _SLIP_ALARM_PULSES = 6.0  # lost pulses at which a slip is believed: counts are 
 _GROSS_TOLERANCE = 0.05  # the same before scales and arms are known
 _BEND_MODEL_SIGMA = 0.3  # share of turning rate × radius that arms may leave: the bend at the wheels is that of the IMU, delayed
 _BEND_SLACK = 0.2  # share of turning rate × radius by which a wheel may fall behind in a bend once the arms are known
-_SCALE_BLOCK_M = 100.0  # travel over which wear is followed
 _LONE_WHEEL_SIGMA = 0.02  # share of the speed that a slip may take unseen when only one wheel is left
 _SPEED_MODEL_SIGMA = 5e-4  # share of the speed: ride over wall roughness, seen as spread of wheels of one set
 _MOST_BLOCKS = 20_000  # seconds that scales and arms are adjusted to: more of them tell nothing new
@@ -55,6 +55,7 @@ class OdometerSolution:
     time : (sample,) of the inertial unit (s).
     wheel_scale : scale of each wheel relative to the mean of the wheels (1), shape (wheels,), NaN for a wheel that is dead.
     wheel_scale_sigma : its standard deviation.
+    wander : random walk of the scale that all wheels share, as sigma per root metre of travel.
     wheel_arm : arms (right, up) of the wheels in the tool's cross-section found from the bends (metre), shape (wheels, 2).
     slips : slips found, in the order of time.
     stalls : (start, end) in seconds where no wheel turned though the tool was not at rest.
@@ -65,6 +66,7 @@ class OdometerSolution:
     time: Floats
     wheel_scale: Floats
     wheel_scale_sigma: Floats
+    wander: float
     wheel_arm: Floats
     slips: tuple[Slip, ...]
     stalls: tuple[tuple[float, float], ...]
@@ -115,7 +117,7 @@ def combine(raw: RawRun, options: NavigationOptions | None = None) -> OdometerSo
     remarks: list[str] = []
     alive = _alive(knots, remarks)
     knots.travel = np.ascontiguousarray(knots.travel[:, alive])
-    scale, scale_sigma, arm, good, step = _adjust(knots, raw, remarks)
+    scale, scale_sigma, arm, good, step, wander = _adjust(knots, raw, remarks)
     mean, n_good, spread = _fused(step, good)
     stalls, lag = _stalls(knots, mean, good, remarks)
     still = _still(knots, stalls)
@@ -131,6 +133,7 @@ def combine(raw: RawRun, options: NavigationOptions | None = None) -> OdometerSo
         raw.imu["time"].values,
         wheel_scale=_spread_out(scale, alive, wheels),
         wheel_scale_sigma=_spread_out(scale_sigma, alive, wheels),
+        wander=wander,
         wheel_arm=_spread_out(np.stack([arm[:, 1], -arm[:, 0]], axis=1), alive, wheels),  # (ω × r) along y = ω_z x - ω_x z
         slips=slips,
         stalls=stalls,
@@ -174,13 +177,13 @@ def _alive(knots: _Knots, remarks: list[str]) -> Floats:
     return alive
 
 
-def _adjust(knots: _Knots, raw: RawRun, remarks: list[str]) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Relative scale, its sigma, arms, good flags (knot, wheel), and the travel per knot free of scale and arm."""
+def _adjust(knots: _Knots, raw: RawRun, remarks: list[str]) -> tuple[Floats, Floats, Floats, Floats, Floats, float]:
+    """Relative scale, its sigma, arms, good flags (knot, wheel), travel per knot free of scale and arm, wander of the scale."""
     raw_step = np.diff(knots.travel, axis=0, prepend=knots.travel[:1])
     wheels = raw_step.shape[1]
     good = np.ones(raw_step.shape, bool)
     if wheels == 1:
-        return np.zeros(1), np.full(1, np.nan), np.zeros((1, 2)), good, raw_step
+        return np.zeros(1), np.full(1, np.nan), np.zeros((1, 2)), good, raw_step, SCALE_WALK
     rough = np.median(knots.travel, axis=1) - np.median(knots.travel[0])
     turn = _kernels_path.turn_at_wheels(knots.turn, rough, float(raw.header.odometer.lever_arm_m[1]))
     turning = np.diff(turn, axis=0, prepend=turn[:1])
@@ -191,14 +194,15 @@ def _adjust(knots: _Knots, raw: RawRun, remarks: list[str]) -> tuple[Floats, Flo
     slack = _BEND_SLACK * reach * np.hypot(turning[:, 0], turning[:, 1])
     for _ in range(3):
         scale, scale_sigma, arm = _scales_and_arms(raw_step, turning, good, reach, knots.step)
-        local = _local_scale(raw_step - turning @ arm.T, good, scale)
+        ratio, centre = wheel_scale.ratios(raw_step - turning @ arm.T, good, scale)
+        local = wheel_scale.along(ratio, centre, scale, raw_step.shape[0])
         step = (raw_step - turning @ arm.T) / (1.0 + local)
         good[:] = True
         _kernels_path.mark_slips(step, _SLIP_TOLERANCE, slack, alarm, good)
     drift = np.ptp(local, axis=0)
     worn = np.flatnonzero(drift > 1e-3)
     remarks += [f"wheel {i}: relative scale drifts by {1e6 * drift[i]:.0f} ppm over the run (wear)" for i in worn]
-    return scale, scale_sigma, arm, good, step
+    return scale, scale_sigma, arm, good, step, wheel_scale.wander(ratio)
 
 
 def _scales_and_arms(step: Floats, turning: Floats, good: Floats, reach: float, knot_s: float) -> tuple[Floats, Floats, Floats]:
@@ -237,31 +241,6 @@ def _robust_fit(A: Floats, y: Floats, reach: float) -> tuple[Floats, Floats]:
             return update, covariance
         x = update
     return x, covariance
-
-
-def _local_scale(step: Floats, good: Floats, scale: Floats) -> Floats:
-    """Relative scale of each wheel along the run (knot, wheel): ratio to the mean of the wheels, linear between blocks."""
-    whole = good.all(axis=1)
-    mean = (step / (1.0 + scale)).mean(axis=1)
-    along = np.cumsum(np.where(whole, mean, 0.0))
-    block = np.minimum((along / _SCALE_BLOCK_M).astype(np.int64), max(int(along[-1] / _SCALE_BLOCK_M) - 1, 0))
-    weight = np.bincount(block, np.where(whole, mean, 0.0))
-    centre = np.bincount(block, np.where(whole, mean * np.arange(mean.size), 0.0)) / np.maximum(weight, 1e-9)
-    usable = weight > 0.3 * _SCALE_BLOCK_M
-    if usable.sum() < 5:
-        return np.broadcast_to(scale, step.shape)
-    out = np.empty_like(step)
-    for i in range(step.shape[1]):
-        ratio = np.bincount(block, np.where(whole, step[:, i], 0.0)) / np.maximum(weight, 1e-9) - 1.0
-        ratio = _smooth(np.where(usable, ratio, scale[i])[usable], scale[i])
-        out[:, i] = np.interp(np.arange(mean.size), centre[usable], ratio)
-    return out - (out.mean(axis=1) - scale.mean())[:, None]
-
-
-def _smooth(values: Floats, middle: float) -> Floats:
-    """Running median over five blocks, limited to 2 % about the run's scale."""
-    padded = np.pad(values, 2, mode="edge")
-    return np.clip(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1), middle - 0.02, middle + 0.02)
 
 
 def _fused(step: Floats, good: Floats) -> tuple[Floats, Floats, Floats]:
