@@ -168,7 +168,7 @@ def _shown(path: Path, group: str | None, names: tuple[str, ...]) -> xr.Dataset:
 
 
 def wall_window(content: Content, run: str, chainage: float, half_length: float) -> xr.Dataset | None:
-    """Return the wall map of a run about a chainage, as `run.store.read_wall` gives it; None, with a warning, when it is damaged."""
+    """Return the wall map of a run about a chainage, by `run.store.read_wall`; None, with a warning, when it is damaged."""
     try:
         return store.read_wall(store.run_path(content.folder, run), chainage, half_length)
     except InputError as fault:
