@@ -242,7 +242,7 @@ def test_coning_motion_is_integrated_without_drift():
 
 @pytest.mark.parametrize("last", [0.5, -0.5])
 def test_over_a_gap_the_steady_force_goes_on_not_that_of_the_last_sample(last):
-    """A tool that rides is shaken by 0.5 m/s²: held over five seconds it was 2.5 m/s, and threw a run off by hundreds of metres."""
+    """A tool that rides is shaken by 0.5 m/s²: held over 5 s it was 2.5 m/s, and threw a run off by 780 m."""
     step, pulse = 0.01, 1e-6
     time = np.concatenate([np.arange(1, 301), np.arange(801, 1101)]) * step
     force = np.tile([0.0, 0.0, 9.81], (600, 1))
