@@ -70,7 +70,8 @@ def match_runs(
     Raises
     ------
     InputError
-        When a run has no usable welds, an id occurs twice, or the reference is not among the runs.
+        When a run has no usable welds, an id occurs twice, the reference is not among the runs, or the welds of a raw run lie in
+        the reverse order of another's: the chainage of both rises downstream, so that one header has the wrong direction.
     WrongLineError
         When a run has nothing in common with any other; with the numbers.
     """
@@ -79,6 +80,7 @@ def match_runs(
     ref = _reference(lists, reference)
     locks = None if locks is None else check_locks(locks)
     pairs = _align_all(lists, ref, options, locks, progress)
+    _check_directions(runs, pairs)
     scales = _scales(pairs, lists, ref)
     posteriors = {
         (a, b): sparse.csr_matrix((p.posterior, (p.i, p.j)), shape=(lists[a].n, lists[b].n)) for (a, b), p in pairs.items()
@@ -138,6 +140,23 @@ def _align_all(lists, ref, options, locks, progress) -> dict[tuple[int, int], Pa
     if len(inside) < len(lists):
         raise WrongLineError(faults)
     return found
+
+
+def _check_directions(runs: list[xr.DataTree], pairs: dict[tuple[int, int], PairAlignment]) -> None:
+    """Refuse raw runs of which one header says the wrong direction: signs of curvature and clocks would be mirrored."""
+    raw = [run.attrs.get("source") == "raw" for run in runs]
+    against = [pair for pair, p in pairs.items() if p.direction < 0 and raw[pair[0]] and raw[pair[1]]]
+    if not against:
+        return
+    count = np.bincount(np.ravel(against), minlength=len(runs))
+    said = [f"{run.attrs['id']} {run.attrs.get('direction', 'not said')}" for run, here in zip(runs, raw, strict=True) if here]
+    faults = []
+    for r in np.flatnonzero(count == count.max()):
+        others = ", ".join(str(runs[sum(pair) - r].attrs["id"]) for pair in against if r in pair)
+        rule = f"its welds lie in the reverse order of those of {others}; the headers say: {', '.join(said)}"
+        hint = "correct direction in the run.toml of the run that is wrong: its clocks and horizontal curvature are mirrored"
+        faults.append(Fault(str(runs[r].attrs["id"]), "[run] direction", rule, hint))
+    raise InputError(faults)
 
 
 def _scales(pairs, lists, ref) -> dict[int, float]:

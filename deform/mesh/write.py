@@ -200,7 +200,11 @@ def _dents(folder: Path) -> pd.DataFrame:
 
 def _of_row(run: _Run, row: Any, half: float, options: MeshOptions, before: xr.DataArray | None) -> _Measured | None:
     """Return a dent of the table as its run measured it; None, with a warning, where map or wall thickness is not known."""
-    window = store.read_wall(run.path, row.run_chainage_m, half + options.step_m)
+    try:
+        window = store.read_wall(run.path, row.run_chainage_m, half + options.step_m)
+    except InputError as fault:
+        _log.warning("dent %s in %s: no surface: %s", row.dent_id, row.run, fault)
+        return None
     depth = None if window is None else _grid(window, row.run_chainage_m, half, options)
     if window is None or depth is None:
         _log.warning("dent %s in %s: no wall map at %.2f m, so no surface", row.dent_id, row.run, row.run_chainage_m)

@@ -22,6 +22,7 @@ from deform.nav._kernels import (
     increments,
     place_difference,
     shift_place,
+    steady_push,
     two_sample,
 )
 from deform.run.stamps import MOST_BRIDGED, lost_before
@@ -73,7 +74,8 @@ def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, usual, table, 
                 g0, g1, g2, a0, a1, a2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, i, dt if lost == 0 else usual)
                 if lost > MOST_BRIDGED:
                     share = dt / usual
-                    d0, d1, d2 = b0 * share, b1 * share, b2 * share
+                    d0, d1, d2 = steady_push(gyro, accel, gyro_pulse, accel_pulse, K, i, usual)
+                    d0, d1, d2 = d0 * share, d1 * share, d2 * share
                     g0 = g1 = g2 = p0 = p1 = p2 = s0 = s1 = s2 = 0.0
                 else:
                     n0, n1, n2, c0, c1, c2 = g0, g1, g2, a0, a1, a2

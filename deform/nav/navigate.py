@@ -85,6 +85,9 @@ def navigate(
     wheels = odometer.combine(raw, options)
     tell(0.25)
     passages = with_control(raw.passages if raw.passages is not None else _no_passages(), control)
+    if not np.isfinite(passages["time"].values).any():
+        said = "run %s: no marker was heard: nothing holds the path behind the launch, its sigma grows to the end"
+        log.warning(said, raw.id)
     bounds = epoch_bounds(counts.time, options.filter_interval_s, passages["time"].values)
     epochs = preintegrate(counts, wheels.profile, bounds)
     corners = bool(np.quantile(epochs.side_force, 0.99) > CORNERING)
@@ -111,7 +114,7 @@ def navigate(
         checks = Checks(second_path(solution), backward.result())
     for remark in checks.remarks:
         log.warning("run %s: %s", raw.id, remark)
-    remarks = _mark_remarks(solution, passages)
+    remarks = _mark_remarks(solution, passages, raw.id)
     tell(1.0)
     return Navigation(
         line,
@@ -163,7 +166,7 @@ def _no_passages() -> xr.Dataset:
     return build.dataset("passages", {name: [] for name in names})
 
 
-def _mark_remarks(solution: Solution, passages: xr.Dataset) -> dict[int, str]:
+def _mark_remarks(solution: Solution, passages: xr.Dataset, run: str) -> dict[int, str]:
     marks, remarks = solution.problem.marks, {}
     for i, row in enumerate(marks.index):
         if marks.weight[i] < 0.5 and row < passages.sizes["marker"]:
@@ -171,5 +174,5 @@ def _mark_remarks(solution: Solution, passages: xr.Dataset) -> dict[int, str]:
             size = f"{np.hypot(far[0], far[1]):.2f} m horizontally, {abs(far[2]):.2f} m vertically"
             text = f"contradicted by all other data: {size}; not used"
             remarks[int(row)] = text
-            log.warning("marker %s of the run: %s", passages["name"].values[row], text)
+            log.warning("marker %s of %s: %s", passages["name"].values[row], run, text)
     return remarks

@@ -114,18 +114,21 @@ def combine(raw: RawRun, options: NavigationOptions | None = None) -> OdometerSo
     Porter (1990), section 2.3; CN103727938A, step 2.
     """
     knots = _on_knots(raw)
+    doubts: list[str] = []  # what a person should look at; the other remarks tell of ordinary repairs
     remarks: list[str] = []
-    alive = _alive(knots, remarks)
+    alive = _alive(knots, doubts)
     knots.travel = np.ascontiguousarray(knots.travel[:, alive])
     scale, scale_sigma, arm, good, step, wander = _adjust(knots, raw, remarks)
     mean, n_good, spread = _fused(step, good)
-    stalls, lag = _stalls(knots, mean, good, remarks)
+    stalls, lag = _stalls(knots, mean, good, doubts)
     still = _still(knots, stalls)
     distance, slope, sigma = _profile(knots, mean, n_good, spread, lag, float(raw.odometer.attrs["pulse_m"]))
     slips = _slips(knots, step, good, mean, alive, stalls)
     wheels = raw.odometer.sizes["wheel"]
     if slips:
         remarks.append(f"{len(slips)} slips repaired, {sum(s.lost_distance for s in slips):.2f} m of wheel travel lost in them")
+    for doubt in doubts:
+        _log.warning("odometer of %s: %s", raw.id, doubt)
     for remark in remarks:
         _log.info("odometer of %s: %s", raw.id, remark)
     return OdometerSolution(
@@ -137,7 +140,7 @@ def combine(raw: RawRun, options: NavigationOptions | None = None) -> OdometerSo
         wheel_arm=_spread_out(np.stack([arm[:, 1], -arm[:, 0]], axis=1), alive, wheels),  # (ω × r) along y = ω_z x - ω_x z
         slips=slips,
         stalls=stalls,
-        remarks=tuple(remarks),
+        remarks=(*doubts, *remarks),
     )
 
 

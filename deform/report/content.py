@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +16,8 @@ import xarray as xr
 import deform.vocabulary as vocabulary
 from deform.errors import DeformError, Fault, InputError
 from deform.run import store
+
+_log = logging.getLogger(__name__)
 
 TABLES = ("zones", "dents", "trends", "joints", "welds")  # of the contract; others are shown as they are found
 _GROUPS = ("welds", "dents", "markers", "features", "navigation")
@@ -165,8 +168,12 @@ def _shown(path: Path, group: str | None, names: tuple[str, ...]) -> xr.Dataset:
 
 
 def wall_window(content: Content, run: str, chainage: float, half_length: float) -> xr.Dataset | None:
-    """Return the wall map of a run about a chainage, as `run.store.read_wall` gives it."""
-    return store.read_wall(store.run_path(content.folder, run), chainage, half_length)
+    """Return the wall map of a run about a chainage, by `run.store.read_wall`; None, with a warning, when it is damaged."""
+    try:
+        return store.read_wall(store.run_path(content.folder, run), chainage, half_length)
+    except InputError as fault:
+        _log.warning("wall of %s at %.2f m is not shown: %s", run, chainage, fault)
+        return None
 
 
 def records(frame: pd.DataFrame) -> list[Any]:

@@ -128,14 +128,21 @@ def read_wall(path: Path, chainage: float, half_length: float) -> xr.Dataset | N
     """Return group ``/caliper`` of a run within ``half_length`` (m) of a chainage (m, this run's own).
 
     Only the scans of the window are read. None when the run has no wall map, or fewer than five scans there.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, cannot be opened, or is damaged there.
     """
     try:
         with xr.open_dataset(path, group="caliper", **_as_written(path)) as wall:
             places = np.asarray(wall["chainage"].values, float)
             first, last = np.searchsorted(places, [chainage - half_length, chainage + half_length])
             return wall.isel(scan=slice(int(first), int(last))).load().drop_encoding() if last - first >= _LEAST_SCANS else None
-    except (OSError, KeyError, ValueError):
-        return None
+    except (OSError, KeyError, ValueError, RuntimeError) as fault:
+        if "caliper" not in read_run(path, ("caliper",), {"caliper": ()}).children:
+            return None
+        raise InputError(Fault(str(path), "caliper", f"cannot be read ({fault})", "it may be cut off: write it again")) from fault
 
 
 def write_dataset(ds: xr.Dataset, path: Path, group: str) -> Path:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from deform.correlate.alignment import align
 from deform.correlate.evidence import Traits
 from deform.correlate.weld_list import weld_list
+from deform.options import MatchOptions
 from deform.run import build
 from deform.synthetic.lists import JointList, bare, build_line, cut_out, cut_outs, observe, score, turned
 
 __all__ = [
+    "OPTIONS",
     "JointList",
+    "aligned",
     "bare",
     "build_line",
     "cut_out",
@@ -22,6 +26,13 @@ __all__ = [
     "traits_of",
     "turned",
 ]
+
+OPTIONS = MatchOptions()
+
+
+def aligned(a: JointList, b: JointList, **more):
+    """The alignment of two lists with the options that all tests of it share."""
+    return align(a.place, b.place, OPTIONS, **more)
 
 
 def run_of(name: str, seen: JointList, **more):

@@ -118,6 +118,19 @@ def test_map_follows_the_pipe_and_says_where_it_does_not_hold():
     assert not chainage.valid(at["a"][0] - 50.0)
 
 
+def test_a_raw_run_whose_header_says_the_wrong_direction_is_refused_by_name():
+    rng = np.random.default_rng(3)
+    true = build_line(rng, 80)
+    runs = {name: run_of(name, observe(rng, true, missed=0, false=0)) for name in ("a", "b")}
+    runs["c"] = run_of("c", observe(rng, true, missed=0, false=0, reverse=True))
+    match_runs(list(runs.values()))  # a listing may be made in either direction
+    for name, run in runs.items():
+        run.attrs |= {"source": "raw", "direction": "upstream" if name == "c" else "downstream"}
+    with pytest.raises(InputError, match="reverse order of those of a, b") as caught:
+        match_runs(list(runs.values()))
+    assert [fault.where for fault in caught.value.faults] == ["c"]
+
+
 def test_a_listing_in_the_other_direction_has_a_map_that_falls():
     rng = np.random.default_rng(3)
     true = build_line(rng, 300, equal=0.1)

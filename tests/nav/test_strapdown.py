@@ -15,7 +15,7 @@ from deform.nav import _kernels_model as moves
 from deform.nav import _kernels_state as state
 from deform.nav.error_model import compose
 from deform.nav.profile import Profile
-from deform.nav.strapdown import epoch_bounds, mechanize, preintegrate
+from deform.nav.strapdown import Counts, epoch_bounds, mechanize, preintegrate
 from deform.options import NavigationOptions
 from deform.run.raw import RunHeader
 from tests.naive import navigation as naive
@@ -238,3 +238,20 @@ def test_coning_motion_is_integrated_without_drift():
     error = matrix_to_rotation_vector(C[0].T @ C[-1]) - matrix_to_rotation_vector(table[0, :9].reshape(3, 3))
     plain = cone**2 * np.pi * frequency * 10 * (1 - np.sin(2 * np.pi * frequency / rate) / (2 * np.pi * frequency / rate))
     assert np.abs(error).max() < 0.05 * plain  # one-sample integration would drift by `plain`
+
+
+@pytest.mark.parametrize("last", [0.5, -0.5])
+def test_over_a_gap_the_steady_force_goes_on_not_that_of_the_last_sample(last):
+    """A tool that rides is shaken by 0.5 m/s²: held over 5 s it was 2.5 m/s, and threw a run off by 780 m."""
+    step, pulse = 0.01, 1e-6
+    time = np.concatenate([np.arange(1, 301), np.arange(801, 1101)]) * step
+    force = np.tile([0.0, 0.0, 9.81], (600, 1))
+    force[:, 1] += 0.5 * np.where(np.arange(600) % 2, 1.0, -1.0)
+    force[299, 1:] += last
+    accel = np.round(force * step / pulse).astype(np.int32)
+    table = np.zeros((15, 3))
+    table[9:15] = np.vstack([np.eye(3), np.eye(3)])
+    counts = Counts(time, np.zeros((600, 3), np.int32), accel, 1e-9, pulse, table, step)
+    gained = preintegrate(counts, np.zeros(600), np.array([0, 299, 300, 599])).table[1]
+    assert gained[_kernels.GAP] == pytest.approx(5.01)
+    np.testing.assert_allclose(gained[_kernels.VELOCITY : _kernels.VELOCITY + 3], [0.0, 0.0, 9.81 * 5.01], atol=0.04)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
 from deform.errors import InputError, NewerSchemaError, SchemaError
 from deform.run import build, schema, store
@@ -67,6 +68,24 @@ def test_only_the_variables_asked_for_are_read_and_scans_come_from_the_file(run,
     np.testing.assert_allclose(scans["radius"].values, run["caliper"]["radius"].values[10:13], atol=0.51e-6)
     with pytest.raises(InputError, match=r"gone.*caliper: cannot be read"):
         store.read_scans(tmp_path / f"gone{end}", slice(0, 5))
+
+
+@pytest.mark.parametrize("end", [".nc", ".zarr"])
+def test_a_run_without_a_wall_is_told_from_one_that_cannot_be_read(run, tmp_path, end):
+    path = store.write_run(run, tmp_path / f"run{end}")
+    assert store.read_wall(path, 0.5, 0.1).sizes["scan"] == 10
+    assert store.read_wall(path, 40.0, 0.1) is None
+    bare = xr.DataTree(xr.Dataset(attrs=run.attrs), children={"welds": xr.DataTree(run["welds"].to_dataset())})
+    assert store.read_wall(store.write_run(bare, tmp_path / f"bare{end}"), 0.5, 0.1) is None
+    with pytest.raises(InputError, match="no such file"):
+        store.read_wall(tmp_path / f"gone{end}", 0.5, 0.1)
+
+
+def test_a_wall_of_a_file_that_is_cut_off_is_an_error(run, tmp_path):
+    path = store.write_run(run, tmp_path / "run.nc")
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(InputError, match=r"run\.nc: cannot be opened"):
+        store.read_wall(path, 0.5, 0.1)
 
 
 def test_all_faults_of_a_run_are_listed_at_once(run):
