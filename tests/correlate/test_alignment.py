@@ -12,7 +12,7 @@ from deform.correlate._kernel_sweeps import MATTERS, ahead, behind
 from deform.correlate._kernel_types import BIN, NOTHING, Evidence
 from deform.correlate.alignment import align
 from deform.correlate.evidence import Locks
-from deform.correlate.length_model import first_model, noise
+from deform.correlate.length_model import first_model, local_scale, noise
 from deform.correlate.seeds import band
 from deform.errors import InputError, WrongLineError
 from deform.options import MatchOptions
@@ -418,3 +418,14 @@ def test_markers_that_both_runs_name_alike_are_anchors_and_one_that_was_moved_is
     assert _mean_of_right(found, a, b) > _mean_of_right(plain, a, b) - 1e-4
     assert score(found.partner, a, b)[0] > 0.99
     assert found.partner[known[3]] == of_b[3]
+
+
+def test_joints_that_moving_pipe_made_longer_leave_the_scale_of_those_beside_them_alone():
+    rng = np.random.default_rng(4)
+    x = rng.normal(12.2, 0.4, 300)
+    welds = rng.normal(0.0, 0.005, 301)
+    still = 1.0007 * x + np.diff(welds)
+    grown = still.copy()
+    grown[150:154] += (0.03, 0.1, 0.1, 0.03)
+    np.testing.assert_allclose(local_scale(x, still), 1.0007, atol=5e-5)  # two welds of 5 mm over 620 m, four sigma
+    np.testing.assert_allclose(local_scale(x, grown), local_scale(x, still), atol=9e-5)  # two joints that stay below four sigma
