@@ -191,8 +191,9 @@ def local_scale(x: np.ndarray, y: np.ndarray, half_window: int = 25, most: float
 
     Notes
     -----
-    Joints whose length departs by more than four sigma (robust, over the line) from that scale have no part in it: where pipe
-    moved sideways its joints are longer, and would make those of half a window beside them look shorter.
+    Joints whose length departs by more than four sigma (robust, over the line) from that scale have no part in it, unless the
+    joints beside them give it back, as they do for a weld set wrong: where pipe moved sideways its joints are longer, and would
+    make those of half a window beside them look shorter.
     """
     if not x.size:
         return np.ones(0)
@@ -203,8 +204,10 @@ def local_scale(x: np.ndarray, y: np.ndarray, half_window: int = 25, most: float
         return np.full(x.size, middle)
     scale = _running_ratio(x, y, good, half_window, middle)
     for _ in range(_ROUNDS):
-        residual = y - scale * x
-        same = good & (np.abs(residual) < _DEPARTS * max(float(robust_sigma(residual[good])), _LEAST_SIGMA))
+        residual = np.where(good, y - scale * x, 0.0)
+        least = _DEPARTS * max(float(robust_sigma(residual[good])), _LEAST_SIGMA)
+        beside = np.convolve(residual, np.ones(3), "same")
+        same = good & ((np.abs(residual) < least) | (residual * np.sign(beside) <= 0) | (np.abs(beside) < least))
         scale = _running_ratio(x, y, same, half_window, middle)
     return scale
 
