@@ -238,9 +238,15 @@ class PairSearch:
             self.waves = with_tails(self.waves, reach)
 
     def _signals(self) -> Signals:
-        """Differences for the search; where nothing is known, or a zone is explained already, the drift stands in."""
+        """Differences for the search; where nothing is known, or a zone is explained already, the drift stands in.
+
+        Along the pipe it stands in everywhere: welds set wrong by centimetres shift the runs against each other there, and in a
+        bend what lies along one leg lies across the other.
+        """
         difference = self.scan_difference
         if self.datum is not None:
+            along = self.scan_axes[0] / np.linalg.norm(self.scan_axes[0], axis=1, keepdims=True)
+            difference = difference - np.einsum("ij,ij->i", difference - self.datum.drift, along)[:, None] * along
             gone = inside(self.place, self.excluded) | ~np.isfinite(difference).all(axis=1)
             difference = np.where((gone & between(~gone))[:, None], self.datum.drift, difference)
         change, sigma = np.full((2, self.place.size, 2), np.nan)

@@ -10,6 +10,7 @@ from scipy.signal import fftconvolve
 from deform.correlate._kernel_moves import PEAK
 from deform.correlate._kernel_path import CUT, REROUTE
 from deform.correlate._kernel_types import BIN, LONGEST_CUT, Lists, Rates
+from deform.geometry.resample import robust_sigma
 
 _UNIFORM = 0.03  # share of the density that is spread over all lengths
 _WIDTHS = 0.1, 0.5  # metre, over which a sparse part of the density is smoothed
@@ -17,6 +18,7 @@ _ENOUGH = 4.0  # joints about a length from which on they say more than their wi
 _T3_SIGMA = np.sqrt(3.0) * 0.75  # what 1 scale of t3 is as a working standard deviation: its central part, not its tails
 _KNOWN = 30.0  # new joints that outweigh what is believed of new pipe beforehand
 _LONGEST = 60.0  # metre; a listed joint beyond it is a hole in the list
+_DEPARTS, _ROUNDS = 4.0, 2  # sigma from which on a joint has no part in the local scale; how often that is formed anew
 _LEAST_SIGMA, _MOST_SIGMA = 0.004, 0.5  # metre
 _FIT = 0.05  # metre, to which the length of a cut-out is kept
 _SCALE_ERROR = 0.001  # of the local scale over a cut-out
@@ -186,6 +188,12 @@ def local_scale(x: np.ndarray, y: np.ndarray, half_window: int = 25, most: float
     Returns
     -------
     scale : (k) B over A.
+
+    Notes
+    -----
+    Joints whose length departs by more than four sigma (robust, over the line) from that scale have no part in it, unless the
+    joints beside them give it back, as they do for a weld set wrong: where pipe moved sideways its joints are longer, and would
+    make those of half a window beside them look shorter.
     """
     if not x.size:
         return np.ones(0)
@@ -194,6 +202,18 @@ def local_scale(x: np.ndarray, y: np.ndarray, half_window: int = 25, most: float
     good = np.abs(ratio / middle - 1.0) < most
     if not good.any():
         return np.full(x.size, middle)
+    scale = _running_ratio(x, y, good, half_window, middle)
+    for _ in range(_ROUNDS):
+        residual = np.where(good, y - scale * x, 0.0)
+        least = _DEPARTS * max(float(robust_sigma(residual[good])), _LEAST_SIGMA)
+        beside = np.convolve(residual, np.ones(3), "same")
+        same = good & ((np.abs(residual) < least) | (residual * np.sign(beside) <= 0) | (np.abs(beside) < least))
+        scale = _running_ratio(x, y, same, half_window, middle)
+    return scale
+
+
+def _running_ratio(x: np.ndarray, y: np.ndarray, good: np.ndarray, half_window: int, middle: float) -> np.ndarray:
+    """Ratio of the sums of the good joints in a window about each (k), ``middle`` where there are none."""
     sx, sy = (np.concatenate([[0.0], np.cumsum(np.where(good, v, 0.0))]) for v in (x, y))
     k = np.arange(x.size)
     first, last = np.maximum(k - half_window, 0), np.minimum(k + half_window + 1, x.size)

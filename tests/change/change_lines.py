@@ -123,8 +123,11 @@ class Line:
         return float(self.chainage[1] - self.chainage[0])
 
 
-def make_line(length=4000.0, *, seed=1, bends_per_km=2.0, step=0.1) -> Line:
-    """Return a line of joints of about 12.2 m with cold bends of up to ten degrees and gentle hills."""
+def make_line(length=4000.0, *, seed=1, bends_per_km=2.0, step=0.1, elbows=()) -> Line:
+    """Return a line of joints of about 12.2 m with cold bends of up to ten degrees and gentle hills.
+
+    ``elbows`` are places (m) and angles (degree) of level bends five metres long.
+    """
     rng = np.random.default_rng(seed)
     s = np.arange(0.0, length, step)
     azimuth = np.full(s.size, 200.0) + 3.0 * np.sin(s / 700.0)
@@ -136,6 +139,8 @@ def make_line(length=4000.0, *, seed=1, bends_per_km=2.0, step=0.1) -> Line:
             azimuth += turn
         else:
             pitch += turn * np.exp(-np.clip(s - at - width, 0, None) / 60.0)
+    for at, angle in elbows:
+        azimuth += angle * np.clip((s - at) / 5.0 + 0.5, 0, 1)
     psi, theta = np.radians(azimuth), np.radians(pitch)
     north, east, up = np.cos(psi) * np.cos(theta), np.sin(psi) * np.cos(theta), np.sin(theta)
     height = 230.0 + np.cumsum(up) * step

@@ -137,6 +137,18 @@ def test_false_alarms_stay_below_the_stated_rate():
     assert found > 5  # the threshold is not idle either
 
 
+@pytest.mark.parametrize("seed", [0, 3])
+def test_welds_set_wrong_beside_a_sharp_bend_are_no_movement_and_a_movement_there_is(seed):
+    """Welds 20 mm wrong in positions good to a millimetre: along one leg of a bend of 60 degree is across the other."""
+    tool = lines.Errors(heading_deg=0.03, curvature_microstrain=10.0, position_m=0.001, weld_m=0.02)
+    elbows = [(at, 60.0 * (-1) ** k) for k, at in enumerate(np.arange(400.0, 5800.0, 450.0))]
+    line = lines.make_line(6000.0, seed=seed, bends_per_km=1.0, step=0.5, elbows=elbows)
+    assert not pair_of(line, line, seed, ChangeOptions(), tool).candidates
+    way = lines.bump(line.chainage, elbows[6][0], 60.0, 0.15)
+    found = pair_of(line, lines.moved(line, lateral=way), seed, ChangeOptions(), tool).candidates
+    assert [c.start < elbows[6][0] < c.end for c in found] == [True]
+
+
 @pytest.mark.parametrize(("factor", "low", "high"), [(0.6, 0.0, 0.45), (2.0, 0.85, 1.0)])
 def test_movement_is_found_as_often_as_its_detection_limit_says(factor, low, high):
     options = ChangeOptions()

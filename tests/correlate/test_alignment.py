@@ -10,7 +10,7 @@ import pytest
 from deform.correlate._kernel_path import BEGIN, trace_back
 from deform.correlate._kernel_sweeps import MATTERS, ahead, behind
 from deform.correlate._kernel_types import BIN, NOTHING, Evidence
-from deform.correlate.length_model import first_model, noise
+from deform.correlate.length_model import first_model, local_scale, noise
 from deform.correlate.seeds import band
 from deform.errors import WrongLineError
 from tests.correlate.lines import aligned, build_line, cut_out, cut_outs, observe, score
@@ -115,3 +115,14 @@ def test_noise_is_found_without_being_told():
 @pytest.mark.parametrize(("nu", "shape"), [(3, 1), (7, 2), (15, 3)])
 def test_scale_and_shape_of_students_t_are_recovered_from_its_own_draws(nu, shape):
     assert noise(0.03 * np.random.default_rng(0).standard_t(nu, 20000)) == (pytest.approx(0.03, rel=0.03), shape)
+
+
+def test_joints_that_moving_pipe_made_longer_leave_the_scale_of_those_beside_them_alone():
+    rng = np.random.default_rng(4)
+    x = rng.normal(12.2, 0.4, 300)
+    welds = rng.normal(0.0, 0.005, 301)
+    still = 1.0007 * x + np.diff(welds)
+    grown = still.copy()
+    grown[150:154] += (0.03, 0.1, 0.1, 0.03)
+    np.testing.assert_allclose(local_scale(x, still), 1.0007, atol=5e-5)  # two welds of 5 mm over 620 m, four sigma
+    np.testing.assert_allclose(local_scale(x, grown), local_scale(x, still), atol=9e-5)  # two joints that stay below four sigma
