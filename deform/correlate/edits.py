@@ -15,6 +15,7 @@ from deform.correlate.weld_list import WeldList
 
 _NEAR = 0.3  # metre; two lengths that differ less are of the same pipe
 _TOO_LONG = 7.0  # nats against a joint longer than the longest of the line
+_REPLACED = 3.0  # nats by which new pipe must outweigh welds that were missed, or invented
 _IN_PLACE = 1.0  # metre; a replaced stretch whose length stays within this is a cut-out, else a re-route
 
 
@@ -55,14 +56,16 @@ def reference_lengths(registry: Registry, lists: list[WeldList], scales: dict[in
     return own
 
 
-def find_changes(registry: Registry, own: np.ndarray, sigma: float) -> list[Change]:
+def find_changes(registry: Registry, own: np.ndarray, lists: list[WeldList], model: LengthModel) -> list[Change]:
     """Return the replaced stretches between runs that follow each other.
 
     Notes
     -----
     Between two successive common welds the pipe counts as the same when one of the runs shows no further weld there and the
-    lengths agree (missed or false welds), or when each shows one (a displaced weld); else it was replaced.
+    lengths agree (missed or false welds, unless the other runs say that it was replaced), or when each shows one (a displaced
+    weld); else it was replaced.
     """
+    sigma = model.rates.sigma
     changes = []
     runs = registry.member.shape[1]
     for a in range(runs - 1):
@@ -76,11 +79,56 @@ def find_changes(registry: Registry, own: np.ndarray, sigma: float) -> list[Chan
             length_a, length_b = own[d, a] - own[c, a], own[d, b] - own[c, b]
             apart = abs(length_a - length_b)
             near = apart < max(8.0 * sigma, _NEAR, 0.003 * length_a)
-            if n_a + n_b == 0 or (near and (min(n_a, n_b) == 0 or n_a == n_b == 1)):
+            if n_a + n_b == 0 or (near and n_a == n_b == 1):
+                continue
+            if near and min(n_a, n_b) == 0 and not _replaced(registry, own, lists, model, a, np.arange(c + 1, d)):
                 continue
             kind = "cutout" if apart < max(_IN_PLACE, 0.01 * length_a) else "reroute"
             changes.append(Change(a, b, int(c), int(d), kind, n_a + 1, n_b + 1, float(length_a), float(length_b)))
     return changes
+
+
+def _replaced(registry, own, lists, model, before: int, columns: np.ndarray) -> bool:
+    """True where all runs to one side of a date show the same further welds in a joint, all to the other side none.
+
+    That pipe was then replaced is weighed against each other run having missed these welds, and against the one run that shows
+    them having invented them.
+    """
+    member = registry.member >= 0
+    shown = member[columns].any(axis=1)
+    columns = columns[shown]
+    over = np.array([_reaches_over(member[:, r], columns) for r in range(member.shape[1])])
+    later = np.arange(over.size) > before
+    with_later = member[columns][:, over & later].all() and not member[columns][:, over & ~later].any()
+    with_former = member[columns][:, over & ~later].all() and not member[columns][:, over & later].any()
+    if not with_later and not with_former:
+        return False
+    those = np.flatnonzero(over & (later if with_later else ~later))
+    missed, false, n = *_errors(model.rates), columns.size
+    once = np.log(missed) + (n - 1) * np.log(model.rates.again)  # misses come in rows
+    odds = np.log(model.rates.cut) - (over.sum() - those.size) * once
+    if those.size == 1:
+        run = int(those[0])
+        detected = lists[run].probability[registry.member[columns, run]].clip(1e-3, 1.0 - 1e-6)
+        invented = np.log(model.rates.cut) + _detector_odds(detected) + _length_odds(own, run, columns, model, missed, false, 0)
+        odds = min(odds, invented)
+    return bool(odds > _REPLACED)
+
+
+def _reaches_over(shown: np.ndarray, columns: np.ndarray) -> bool:
+    """True where a run shows welds before and behind the columns."""
+    seen = np.flatnonzero(shown)
+    return bool(seen.size and seen[0] < columns[0] and columns[-1] < seen[-1])
+
+
+def _errors(rates) -> tuple[float, float]:
+    """Rates of a missed weld (per weld) and of a false one (per metre), of the worse list."""
+    return max(rates.missed_a, rates.missed_b, 1e-3), max(rates.false_a, rates.false_b, 1e-4)
+
+
+def _detector_odds(detected: np.ndarray) -> float:
+    """Log of the odds of welds by their detector, against ordinary welds of 0.9."""
+    return float(np.log(detected / (1.0 - detected)).sum() - np.log(9.0) * detected.size)
 
 
 def real_columns(
@@ -96,8 +144,7 @@ def real_columns(
     """
     n_members = (registry.member >= 0).sum(axis=1)
     real = n_members >= 2
-    rates = model.rates
-    missed, false = max(rates.missed_a, rates.missed_b, 1e-3), max(rates.false_a, rates.false_b, 1e-4)  # per weld, per metre
+    missed, false = _errors(model.rates)
     column = 0
     while column < real.size:
         if n_members[column] != 1:
@@ -113,8 +160,7 @@ def real_columns(
             real[group] = _credible(own, run, group, detected)
             column = group[-1] + 1
             continue
-        odds = np.log(detected / (1.0 - detected)).sum() - np.log(9.0) * len(group)  # 0.9 is an ordinary weld
-        odds += _length_odds(own, run, group, model, missed, false, others)
+        odds = _detector_odds(detected) + _length_odds(own, run, group, model, missed, false, others)
         real[group] = (odds > 0.0) & (detected >= 0.5)
         column = group[-1] + 1
     return real
@@ -126,8 +172,7 @@ def _who_see_whole(registry, run, group, changes) -> int:
     for r in range(registry.member.shape[1]):
         if r == run:
             continue
-        seen = np.flatnonzero(registry.member[:, r] >= 0)
-        if not seen.size or not seen[0] < group[0] <= group[-1] < seen[-1]:
+        if not _reaches_over(registry.member[:, r] >= 0, np.asarray(group)):
             continue
         count += not changed_between(changes, run, r, group[0])
     return count

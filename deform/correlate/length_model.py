@@ -18,7 +18,7 @@ _ENOUGH = 4.0  # joints about a length from which on they say more than their wi
 _T3_SIGMA = np.sqrt(3.0) * 0.75  # what 1 scale of t3 is as a working standard deviation: its central part, not its tails
 _KNOWN = 30.0  # new joints that outweigh what is believed of new pipe beforehand
 _LONGEST = 60.0  # metre; a listed joint beyond it is a hole in the list
-_DEPARTS, _ROUNDS = 4.0, 2  # sigma from which on a joint has no part in the local scale; how often that is formed anew
+_DEPARTS, _ROUNDS = 5.0, 2  # sigma from which on a joint has no part in the local scale; how often that is formed anew
 _LEAST_SIGMA, _MOST_SIGMA = 0.004, 0.5  # metre
 _FIT = 0.05  # metre, to which the length of a cut-out is kept
 _SCALE_ERROR = 0.001  # of the local scale over a cut-out
@@ -191,7 +191,7 @@ def local_scale(x: np.ndarray, y: np.ndarray, half_window: int = 25, most: float
 
     Notes
     -----
-    Joints whose length departs by more than four sigma (robust, over the line) from that scale have no part in it, unless the
+    Joints whose length departs by more than five sigma (robust, over the line) from that scale have no part in it, unless the
     joints beside them give it back, as they do for a weld set wrong: where pipe moved sideways its joints are longer, and would
     make those of half a window beside them look shorter.
     """

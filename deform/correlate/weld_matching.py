@@ -88,7 +88,7 @@ def match_runs(
     registry = merge(lists, posteriors, ref, scales, options.least_probability)
     own = reference_lengths(registry, lists, scales)
     model = max((p.model for p in pairs.values()), key=lambda m: m.rates.sigma, default=alone(lists[ref].place))
-    changes = find_changes(registry, own, model.rates.sigma)
+    changes = find_changes(registry, own, lists, model)
     real = real_columns(registry, own, lists, changes, model)
     moved = displacement(registry, own)
     maps = _maps(registry, lists, ref, changes, pairs, moved, options.shift_m)
