@@ -380,7 +380,7 @@ def test_the_two_real_listings_are_matched_without_one_fault_from_lengths_alone(
 
 
 def replacements(seed: int, *lines: JointList) -> pd.DataFrame:
-    """Replaced stretches that runs show, in the order of time, of lines whose welds are nearly all seen, none of them invented."""
+    """Replaced stretches that runs show, in the order of time, of lines whose welds are nearly all seen, none invented."""
     rng = np.random.default_rng(seed)
     seen = [observe(rng, line, missed=0.003, false=0.0, noise=0.01) for line in lines]
     runs = [run_of(str(2015 + k), one, probability=np.full(one.n, 0.99999)) for k, one in enumerate(seen)]  # by three channels
