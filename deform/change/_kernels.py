@@ -170,9 +170,17 @@ def weighted_every(values, weights, size, out):
 
 
 @numba.njit(cache=True, error_model="numpy", nogil=True)
+def both(k, other):
+    """Sum of the sizes of two components, of what is known of them."""
+    size = abs(k) if k == k else 0.0
+    return size + abs(other) if other == other else size
+
+
+@numba.njit(cache=True, error_model="numpy", nogil=True)
 def curvature_difference(
     before,
     after,
+    beside,
     sigma_before,
     sigma_after,
     stated,
@@ -182,6 +190,9 @@ def curvature_difference(
     table_after,
     map_sigma,
     fraction,
+    lean,
+    spill,
+    fade,
     shift,
     step,
     first,
@@ -189,18 +200,23 @@ def curvature_difference(
     change,
     sigma,
 ):
-    """Change of curvature and its sigma from place ``first`` to before ``last``, in one pass: f² (σ₁² + σ₂²) + (a k)² + (b² +
-    σ_map²) (dk/ds)².
+    """Change of curvature and its sigma from place ``first`` to before ``last``: f² (σ₁² + σ₂²) + (a k)² + (b² + σ_map²) (dk/ds)²
+    + c² (k² + k'²) + d² (h² + g²), k' the curvature ``beside``, of the other component.
 
-    f² = ``table_before`` at the speed step of the first run + ``table_after`` at that of the second.
+    f² = ``table_before`` at the speed step of the first run + ``table_after`` at that of the second. h and g are the greatest
+    |k| + |k'| before and behind the place, fading by ``fade`` from place to place.
     """
     n = before.shape[0]
+    reach = int(12.0 / max(1.0 - fade, 1e-3)) + 1
+    near = 0.0
+    for i in range(max(first - reach, 0), first):
+        near = max(near * fade, both(before[i], beside[i]))
     for i in range(first, last):
         change[i] = after[i] - before[i]
         square = table_before[speed_before[i]] + table_after[speed_after[i]]
         if stated:
             square *= sigma_before[i] * sigma_before[i] + sigma_after[i] * sigma_after[i]
-        k = before[i]
+        k, other = before[i], beside[i]
         left, right = max(i - 1, 0), min(i + 1, n - 1)
         slope = (before[right] - before[left]) / (step * max(right - left, 1))
         if slope == slope:
@@ -208,7 +224,16 @@ def curvature_difference(
             if wrong != wrong:
                 wrong = 0.0
             square += (shift * shift + wrong * wrong) * slope * slope
-        sigma[i] = np.sqrt(square + fraction * fraction * k * k)
+        square += (fraction * fraction + lean * lean) * k * k
+        if other == other:
+            square += lean * lean * other * other
+        near = max(near * fade, both(k, other))
+        sigma[i] = square + spill * spill * near * near
+    near = 0.0
+    for i in range(min(last + reach, n) - 1, first - 1, -1):
+        near = max(near * fade, both(before[i], beside[i]))
+        if i < last:
+            sigma[i] = np.sqrt(sigma[i] + spill * spill * near * near)
 
 
 @numba.njit(cache=True, error_model="numpy", nogil=True)

@@ -17,6 +17,11 @@ Floats = NDArray[Any]
 COMPONENTS = ("horizontal", "vertical")
 
 
+LEAST_SHARE = 0.005  # of the curvature, radian: a stiff tool cuts the corner of a bend, and leans, as it happens to lie in it
+SPILL, SPILL_M = 0.001, 5.0
+OTHER = {"horizontal": "vertical", "vertical": "horizontal"}
+
+
 @dataclass(frozen=True)
 class CurvatureChange:
     """Change of curvature of one component.
@@ -47,10 +52,13 @@ def curvature_change(
 
     Notes
     -----
-    σ² = f² (σ_run² + σ_reference²) + (a k)² + (b dk/ds)²: f from the stable straight pipe at the speeds of both runs
-    (`noise_floor.speed_noise`), a and b from its bends (`noise_floor.bend_terms`), b at least the sigma of the chainage map. A
-    bend that both runs see is no change. Straight pipe is told by the mean of the two runs, whose noise is independent of that
-    of their difference: choosing by one run alone would choose its quiet moments.
+    σ² = f² (σ_run² + σ_reference²) + (a k)² + (b dk/ds)² + c² (k² + k'²) + d² (h² + g²): f from the stable straight pipe at the
+    speeds of both runs (`noise_floor.speed_noise`), a and b from its bends (`noise_floor.bend_terms`), b at least the sigma of
+    the chainage map. Most bends are cold ones and tell little of those of a few diameters. There c = `LEAST_SHARE` of the
+    curvature of both components (k' that of the other) is never known, and what the tool's wobble is taken for in them spills
+    over: d = `SPILL` of the greatest curvature before and behind the place, h and g, fading over `SPILL_M`. A bend that both runs
+    see is no change. Straight pipe is told by the mean of the two runs, whose noise is independent of that of their difference:
+    choosing by one run alone would choose its quiet moments.
     """
     name = f"curvature_{component}"
     if not (reference.has(name) and other.has(name)):
@@ -60,7 +68,10 @@ def curvature_change(
     tables, floors, a, b = _noise(base, there, stated, step, speeds, stable)
     change, sigma = np.empty(base.size), np.empty(base.size)
     ones = stated if stated is not None else (base, base)
-    given: tuple[Any, ...] = (base, there, *ones, stated is not None, *speeds, *tables, other.run_chainage_sigma, a, b, step)
+    crosswise = f"curvature_{OTHER[component]}"
+    beside = reference.values[crosswise] if reference.has(crosswise) else base
+    runs: tuple[Any, ...] = (base, there, beside, *ones, stated is not None, *speeds, *tables, other.run_chainage_sigma)
+    given = (*runs, a, LEAST_SHARE, SPILL, float(np.exp(-step / SPILL_M)), b, step)
     in_parts(base.size, lambda first, last: _kernels.curvature_difference(*(*given, first, last, change, sigma)))
     return CurvatureChange(change, sigma, floors)
 

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import change_lines as lines
 import numpy as np
 import pytest
 from scipy.stats import ncx2
 
-from deform.change import zones
-from deform.change.curvature_change import curvature_change
+from deform.change import _kernels, zones
+from deform.change.curvature_change import LEAST_SHARE, SPILL, SPILL_M, curvature_change
 from deform.change.detection_limit import detectable, mean_elongation, peak_curvature
 from deform.change.noise_floor import SPEEDS, bend_terms
 from deform.change.pair import PairSearch
 from deform.change.stack import Layer, layer, tangents
 from deform.change.wavelength import curvature_shape, position_weights, wavelengths
 from deform.options import ChangeOptions
+from tests.naive.change import faded
 
 
 def test_methods_own_numbers_of_strain_and_elongation_come_out():
@@ -161,3 +164,37 @@ def test_movement_is_found_as_often_as_its_detection_limit_says(factor, low, hig
     pair = pair_of(line, lines.moved(line, up=way), 78, options)
     share = np.mean([any(c.start < at < c.end for c in pair.candidates) for at in centres])
     assert low <= share <= high
+
+
+def test_a_bend_of_a_few_diameters_is_known_to_a_share_and_spoils_what_lies_beside_it():
+    n, at = 4000, 2000
+    rng = np.random.default_rng(8)
+    curvature = {c: 1e-4 * rng.standard_normal(n) for c in ("horizontal", "vertical")}
+    curvature["horizontal"][at - 25 : at + 25] += 0.3  # 15 m of 3.3 m radius, seen in the other component as well
+    curvature["vertical"][100] = np.nan
+    values = {f"curvature_{c}": k for c, k in curvature.items()}
+    values |= {f"curvature_{c}_sigma": np.full(n, 1e-4) for c in curvature}
+    layers = [Layer(f"r{k}", 0.0, np.zeros(n), np.zeros(n), np.ones(n, bool), values, 2.0, 0.3) for k in range(2)]
+    unknown = np.full(n, SPEEDS, np.uint8)
+    sigma = curvature_change(*layers, "vertical", 0.1, (unknown, unknown), np.ones(n, bool)).sigma
+    both = np.abs(curvature["horizontal"]) + np.abs(np.nan_to_num(curvature["vertical"]))
+    near = np.hypot(faded(both, np.exp(-0.1 / SPILL_M)), faded(both[::-1], np.exp(-0.1 / SPILL_M))[::-1])
+    assert sigma[at] == pytest.approx(0.3 * np.hypot(LEAST_SHARE, np.sqrt(2.0) * SPILL), rel=0.02)
+    beside = np.r_[at - 150 : at - 30, at + 30 : at + 150]
+    added = sigma[beside] ** 2 - np.nanmedian(sigma[:1000]) ** 2
+    np.testing.assert_allclose(added, (SPILL * near[beside]) ** 2, rtol=0.02, atol=3e-10)
+    assert sigma[at + 400] < 1.05 * np.nanmedian(sigma[:1000])
+
+
+def test_change_of_curvature_in_parts_is_that_of_the_whole():
+    s, _, layers = bent_layers(n=6000)
+    numbers = np.full(s.size, 3, np.uint8)
+    table, given = np.full(SPEEDS + 1, 0.5), []
+    for edges in ([0, 6000], [0, 996, 1004, 6000]):  # a bend lies on the seam
+        change, sigma = np.empty(s.size), np.empty(s.size)
+        k, wide = (layers[0].values[f"curvature_vertical{e}"] for e in ("", "_sigma"))
+        for first, last in pairwise(edges):
+            run = (k, layers[1].values["curvature_vertical"], k, wide, wide, True, numbers, numbers, table, table)
+            _kernels.curvature_difference(*run, np.zeros(s.size), 0.0, 0.005, 0.001, 0.98, 0.01, 0.1, first, last, change, sigma)
+        given.append((change, sigma))
+    np.testing.assert_allclose(given[1], given[0], rtol=1e-5)

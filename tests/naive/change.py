@@ -77,3 +77,9 @@ def jump(chainage, azimuth, pitch, place):
     (right, up), before = ([np.polyfit(s[side], v[side], 1)[1] for v in (turned, pitch[near])] for side in sides)
     right, up = right - before[0], up - before[1]
     return np.cos(np.radians(pitch[near].mean())) * right, up
+
+
+def faded(size: np.ndarray, fade: float) -> np.ndarray:
+    """Greatest of the sizes at and before each place, each fading by ``fade`` from place to place."""
+    at = np.arange(size.size)
+    return np.array([np.max(size[: i + 1] * fade ** (i - at[: i + 1])) for i in at])
