@@ -1,4 +1,4 @@
-"""One joint replaced by two is a cut-out where all runs to one side of the date say so, else a weld that was missed or invented."""
+"""One joint replaced by two is a cut-out where all runs to one side of a date say so, else a missed or an invented weld."""
 
 from __future__ import annotations
 
