@@ -80,7 +80,9 @@ def _align(channels: list[Channel], cluster: float) -> tuple[list[Channel], np.n
         if difference.size >= 5:
             shift[k] = np.median(difference)
             if abs(shift[k]) > 0.05:
-                logger.warning("welds: %s stand %.3f m off the %s; shifted", channels[k].name, shift[k], channels[0].name)
+                text = "girth welds by the %s lie %.0f mm %s those by the %s all along: moved onto them (delay, place)"
+                way = "behind" if shift[k] > 0 else "before"
+                logger.warning(text, channels[k].name, 1e3 * abs(shift[k]), way, channels[0].name)
     moved = [c.moved(-s) for c, s in zip(channels, shift, strict=True)]
     variance, count = np.zeros((len(channels), len(channels))), np.zeros((len(channels), len(channels)))
     for i in range(len(channels)):
