@@ -92,7 +92,7 @@ def _replaced(registry, own, lists, model, before: int, columns: np.ndarray) -> 
     """True where all runs to one side of a date show the same further welds in a joint, all to the other side none.
 
     That pipe was then replaced is weighed against each other run having missed these welds, and against the one run that shows
-    them having invented them.
+    them having invented them; where a dent of that run lies it may well have.
     """
     member = registry.member >= 0
     shown = member[columns].any(axis=1)
@@ -109,6 +109,8 @@ def _replaced(registry, own, lists, model, before: int, columns: np.ndarray) -> 
     odds = np.log(model.rates.cut) - (over.sum() - those.size) * once
     if those.size == 1:
         run = int(those[0])
+        if lists[run].dented[registry.member[columns, run]].any():
+            return False
         detected = lists[run].probability[registry.member[columns, run]].clip(1e-3, 1.0 - 1e-6)
         invented = np.log(model.rates.cut) + _detector_odds(detected) + _length_odds(own, run, columns, model, missed, false, 0)
         odds = min(odds, invented)

@@ -12,6 +12,7 @@ from deform.errors import Fault, InputError
 
 _log = logging.getLogger(__name__)
 _FITTINGS = ("valve", "tee", "flange")
+_DENT_M = 0.5  # from a dent within which what passes for a weld may be the dent
 _TURN = {"sag": 0.0, "right": 90.0, "over": 180.0, "left": 270.0}  # clock to which a bend turns, as listings name it
 
 
@@ -30,6 +31,7 @@ class WeldList:
     wall, seam : wall thickness (metre) and clock of the seam (degree) of the joint that begins here, NaN where not known (n).
     fitting : what stands in the joint that begins here, in sorted words, empty where nothing (n).
     bend, bend_clock : angle of the largest bend in the joint that begins here, and the clock it turns to (degree), NaN if none.
+    dented : whether a dent of the run lies at the weld (n): what a detector and arms hear of a deep one may pass for a weld.
     mark_name, mark_at : markers within the list: name, and place as a fractional place in the list.
     doubles : index in ``/welds`` of rows that stand upon another weld, and the index of that weld.
     size : welds in ``/welds``, the doubles included.
@@ -46,6 +48,7 @@ class WeldList:
     fitting: np.ndarray
     bend: np.ndarray
     bend_clock: np.ndarray
+    dented: np.ndarray
     mark_name: np.ndarray
     mark_at: np.ndarray
     doubles: dict[int, int]
@@ -103,6 +106,7 @@ def weld_list(run: xr.DataTree, least_joint: float = 0.1) -> WeldList:
         fitting=fitting,
         bend=bend,
         bend_clock=bend_clock,
+        dented=_dented(run, place[kept]),
         mark_name=mark_name,
         mark_at=mark_at,
         doubles=doubles,
@@ -167,6 +171,16 @@ def _features(run: xr.DataTree, place: np.ndarray):
         if not angle[k] <= bend[at[k]]:
             bend[at[k]], clock[at[k]] = angle[k], turn[k]
     return np.asarray(["+".join(sorted(w)) for w in words], object), bend, clock
+
+
+def _dented(run: xr.DataTree, place: np.ndarray) -> np.ndarray:
+    """True for places at which a dent of the run lies."""
+    if "dents" not in run.children:
+        return np.zeros(place.size, bool)
+    dents = np.sort(np.asarray(run["dents"]["chainage"].values, float))
+    dents = np.concatenate([[-np.inf], dents[np.isfinite(dents)], [np.inf]])
+    after = np.searchsorted(dents, place)
+    return np.minimum(place - dents[after - 1], dents[after] - place) < _DENT_M
 
 
 def _markers(run: xr.DataTree, place: np.ndarray):
