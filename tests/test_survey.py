@@ -17,6 +17,7 @@ from deform.run import store
 from deform.survey import run_survey
 from deform.survey_file import read_survey
 from tests.judged import judge, judge_tally, short, values
+from tests.readers.small_listing import PIPE_BOOK_MAP
 
 LISTINGS = """
 [[runs]]
@@ -184,24 +185,12 @@ event = "girth weld"
 # ---- bad input -------------------------------------------------------------------------------------
 
 
-BOOK = """name = "book"
-[columns]
-distance = { header = "Distance [m]", unit = "m" }
-event = "Event"
-[pipe]
-outside_diameter_m = 0.3239
-[[rows]]
-kind = "weld"
-event = "girth weld"
-"""
-
-
 def test_pipe_book_tells_a_raw_run_how_long_its_joints_are(demo, tmp_path):
     joints = pd.read_csv(demo / "truth" / "demo-2019" / "joints_truth.csv")
     measured = joints.length_m + np.random.default_rng(4).normal(0.0, 0.008, len(joints))
     welds = pd.DataFrame({"Distance [m]": np.cumsum(measured)[:-1].round(3), "Event": "girth weld"})
     welds.to_csv(tmp_path / "book.csv", index=False)
-    (tmp_path / "book.toml").write_text(BOOK)
+    (tmp_path / "book.toml").write_text(PIPE_BOOK_MAP)
     (tmp_path / "straights.csv").write_text("from_m,to_m,sigma_deg\n425.6,463.2,0.02\n808.1,845.5,0.03\n")
     survey = _survey(tmp_path, _raw(demo, "demo-2019"), "[]")
     book = '[pipe_book]\njoints = "book.csv"\ncolumns = "book.toml"\nstraights = "straights.csv"\n'

@@ -106,3 +106,16 @@ def with_cell(row: int, header: str, text: str) -> list[list[str]]:
     rows = [list(r) for r in ROWS]
     rows[row][HEADER.index(header)] = text
     return rows
+
+
+# Column map of a pipe book that lists its girth welds
+PIPE_BOOK_MAP = """name = "book"
+[columns]
+distance = { header = "Distance [m]", unit = "m" }
+event = "Event"
+[pipe]
+outside_diameter_m = 0.3239
+[[rows]]
+kind = "weld"
+event = "girth weld"
+"""

@@ -7,21 +7,11 @@ import pytest
 
 from deform.errors import InputError
 from deform.readers.pipe_book import read_joints, read_straights
-
-MAP = """name = "book"
-[columns]
-distance = { header = "Distance [m]", unit = "m" }
-event = "Event"
-[pipe]
-outside_diameter_m = 0.3239
-[[rows]]
-kind = "weld"
-event = "girth weld"
-"""
+from tests.readers.small_listing import PIPE_BOOK_MAP
 
 
 def test_joints_are_those_of_the_listing(tmp_path):
-    (tmp_path / "book.toml").write_text(MAP, encoding="utf-8")
+    (tmp_path / "book.toml").write_text(PIPE_BOOK_MAP, encoding="utf-8")
     places = [12.9, 25.3, 38.1, 51.0]
     (tmp_path / "book.csv").write_text("Distance [m],Event\n" + "".join(f"{p},girth weld\n" for p in places), encoding="utf-8")
     book = read_joints(tmp_path / "book.csv", str(tmp_path / "book.toml"))
