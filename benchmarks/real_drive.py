@@ -42,11 +42,14 @@ def row(run: Drive, model: str, theirs: float, headings: tuple[float, float]) ->
     rest = run.time < REST_S
     heading, stated = (float(np.mean(at_reference(found, run, name)[rest])) for name in ("azimuth", "azimuth_sigma"))
     there, back = headings
+    first, first_sigma = (float(found.diagnostics[name]) for name in ("alignment_azimuth", "alignment_azimuth_sigma"))
     return "\n   ".join((
         f"{model}: rms {np.sqrt(np.mean(level**2)):.2f} m horizontal (bar 10), {np.sqrt(np.mean(up**2)):.2f} m up, "
         f"largest {level.max():.1f} m horizontal; {busy:.0f} s of processor",
         f"inside 1.96 sigma, east, north, up: {', '.join(f'{x:.2f}' for x in alone)}; "
         f"with the reference's error {', '.join(f'{x:.2f}' for x in both)}",
+        f"coarse heading it begins with ({found.diagnostics.attrs['alignment_method']}): {first:.2f} ± {first_sigma:.2f}°, "
+        f"off by {wrapped(first - back):+.2f}° (bar 3°)",
         f"smoothed heading at rest off by {wrapped(heading - back):+.2f}° (stated {stated:.2f}°, bar 1°); "
         f"from the reference as it stands there {wrapped(heading - there):+.2f}°",
         f"remarks: {found.diagnostics.attrs['remarks'] or 'none'}",

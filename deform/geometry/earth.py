@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deform.geometry import _kernels
-from deform.geometry._kernels import EARTH_RATE, FLATTENING, SEMI_MAJOR, SEMI_MINOR
+from deform.geometry import _kernels_earth as kernels
+from deform.geometry._kernels_earth import EARTH_RATE, FLATTENING, SEMI_MAJOR, SEMI_MINOR
 
 __all__ = [
     "EARTH_RATE",
@@ -46,9 +46,9 @@ def radii(latitude_deg: ArrayLike) -> tuple[Floats, Floats]:
     True
     """
     s2 = np.sin(np.radians(latitude_deg)) ** 2
-    w2 = 1.0 - _kernels.ECCENTRICITY2 * s2
+    w2 = 1.0 - kernels.ECCENTRICITY2 * s2
     normal = SEMI_MAJOR / np.sqrt(w2)
-    return normal * (1.0 - _kernels.ECCENTRICITY2) / w2, normal
+    return normal * (1.0 - kernels.ECCENTRICITY2) / w2, normal
 
 
 def gravity(latitude_deg: ArrayLike, height: ArrayLike = 0.0) -> Floats:
@@ -69,9 +69,9 @@ def gravity(latitude_deg: ArrayLike, height: ArrayLike = 0.0) -> Floats:
     9.8062
     """
     s2 = np.sin(np.radians(latitude_deg)) ** 2
-    surface = _kernels.GRAVITY_EQUATOR * (1.0 + _kernels.SOMIGLIANA * s2) / np.sqrt(1.0 - _kernels.ECCENTRICITY2 * s2)
+    surface = kernels.GRAVITY_EQUATOR * (1.0 + kernels.SOMIGLIANA * s2) / np.sqrt(1.0 - kernels.ECCENTRICITY2 * s2)
     h = np.asarray(height, float) / SEMI_MAJOR
-    return surface * (1.0 - 2.0 * (1.0 + FLATTENING + _kernels.CENTRIFUGAL_RATIO - 2.0 * FLATTENING * s2) * h + 3.0 * h**2)
+    return surface * (1.0 - 2.0 * (1.0 + FLATTENING + kernels.CENTRIFUGAL_RATIO - 2.0 * FLATTENING * s2) * h + 3.0 * h**2)
 
 
 def earth_rate(latitude_deg: ArrayLike) -> Floats:
@@ -113,7 +113,7 @@ def geodetic_to_local(
     >>> bool(abs(up - 50.0) < 1e-8)
     True
     """
-    return _local(_kernels.fill_local, (latitude, longitude, height), (True, True, False), (latitude_0, longitude_0, height_0))
+    return _local(kernels.fill_local, (latitude, longitude, height), (True, True, False), (latitude_0, longitude_0, height_0))
 
 
 def local_to_geodetic(
@@ -121,7 +121,7 @@ def local_to_geodetic(
 ) -> tuple[Floats, Floats, Floats]:
     """Return latitude, longitude (degree) and height (metre) of points in a tangent frame; undoes `geodetic_to_local`."""
     latitude, longitude, height = _local(
-        _kernels.fill_geodetic, (east, north, up), (False, False, False), (latitude_0, longitude_0, height_0)
+        kernels.fill_geodetic, (east, north, up), (False, False, False), (latitude_0, longitude_0, height_0)
     )
     return np.degrees(latitude), np.degrees(longitude), height
 

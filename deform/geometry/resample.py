@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deform.errors import InputError
-from deform.geometry import _kernels
+from deform.geometry import _kernels_resample as kernels
 
 Floats = NDArray[Any]
 
@@ -91,11 +91,11 @@ def box_average(centre: ArrayLike, axis: ArrayLike, values: ArrayLike, length: f
         raise InputError(f"gauge length {length}: must be positive")
     axis, columns, single = _prepared(axis, values)
     integral = np.empty_like(columns)
-    _kernels.cumulative(axis, columns, integral)
+    kernels.cumulative(axis, columns, integral)
     gaps = np.cumsum(~np.isfinite(columns), axis=0)
     centre = np.atleast_1d(np.asarray(centre, float))
     out = np.empty((centre.size, columns.shape[1]))
-    _kernels.box_average(centre, float(length), axis, columns, integral, gaps, out)
+    kernels.box_average(centre, float(length), axis, columns, integral, gaps, out)
     return out[:, 0] if single else out
 
 
@@ -131,7 +131,7 @@ def _interpolate(x: ArrayLike, axis: ArrayLike, values: ArrayLike, period: float
     axis, columns, single = _prepared(axis, values)
     x = np.asarray(x, float)
     out = np.empty((x.size, columns.shape[1]))
-    _kernels.interpolate(np.ascontiguousarray(x).ravel(), axis, columns, float(period), out)
+    kernels.interpolate(np.ascontiguousarray(x).ravel(), axis, columns, float(period), out)
     return out[:, 0].reshape(x.shape) if single else out.reshape(*x.shape, columns.shape[1])
 
 

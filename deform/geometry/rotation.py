@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deform.errors import OptionError
-from deform.geometry import _kernels
+from deform.geometry import _kernels_rotation as kernels
 
 Floats = NDArray[Any]
 
@@ -39,7 +39,7 @@ def attitude_to_matrix(azimuth: ArrayLike, pitch: ArrayLike, roll: ArrayLike) ->
     angles = np.broadcast_arrays(*(np.asarray(a, float) for a in (azimuth, pitch, roll)))
     out = np.empty((angles[0].size, 3, 3))
     a, p, r = (np.radians(angle).ravel() for angle in angles)
-    _kernels.fill_attitude_matrix(a, p, r, out)
+    kernels.fill_attitude_matrix(a, p, r, out)
     return out.reshape(*angles[0].shape, 3, 3)
 
 
@@ -52,7 +52,7 @@ def matrix_to_attitude(matrix: ArrayLike) -> tuple[Floats, Floats, Floats]:
     """
     flat, shape = _flat(matrix, (3, 3))
     out = np.empty((len(flat), 3))
-    _kernels.fill_matrix_attitude(flat, out)
+    kernels.fill_matrix_attitude(flat, out)
     azimuth, pitch, roll = (np.degrees(out[:, i]).reshape(shape) for i in range(3))
     return azimuth % 360.0, pitch, roll
 
@@ -65,7 +65,7 @@ def savage_coefficients(angle: ArrayLike) -> tuple[Floats, Floats]:
     Porter (1990), eq. 3-37; Savage (1984).
     """
     angle2 = np.asarray(angle, float) ** 2
-    pairs = np.array([_kernels.savage(a) for a in angle2.ravel()]).reshape(*angle2.shape, 2)
+    pairs = np.array([kernels.savage(a) for a in angle2.ravel()]).reshape(*angle2.shape, 2)
     return pairs[..., 0], pairs[..., 1]
 
 
@@ -78,7 +78,7 @@ def rotation_vector_to_matrix(vector: ArrayLike) -> Floats:
     """
     flat, shape = _flat(vector, (3,))
     out = np.empty((len(flat), 3, 3))
-    _kernels.fill_vector_matrix(flat, out)
+    kernels.fill_vector_matrix(flat, out)
     return out.reshape(*shape, 3, 3)
 
 
@@ -91,7 +91,7 @@ def rotation_vector_to_quaternion(vector: ArrayLike) -> Floats:
     """Return unit quaternions (..., 4), scalar first, of rotation vectors (..., 3) in radian."""
     flat, shape = _flat(vector, (3,))
     out = np.empty((len(flat), 4))
-    _kernels.fill_vector_quaternion(flat, out)
+    kernels.fill_vector_quaternion(flat, out)
     return out.reshape(*shape, 4)
 
 
@@ -99,7 +99,7 @@ def quaternion_to_rotation_vector(quaternion: ArrayLike) -> Floats:
     """Return rotation vectors (..., 3) in radian, at most half a turn, of quaternions (..., 4)."""
     flat, shape = _flat(quaternion_normalise(quaternion), (4,))
     out = np.empty((len(flat), 3))
-    _kernels.fill_quaternion_vector(flat, out)
+    kernels.fill_quaternion_vector(flat, out)
     return out.reshape(*shape, 3)
 
 
@@ -107,7 +107,7 @@ def quaternion_to_matrix(quaternion: ArrayLike) -> Floats:
     """Return the matrices (..., 3, 3) of quaternions (..., 4), scalar first; their length does not matter."""
     flat, shape = _flat(quaternion, (4,))
     out = np.empty((len(flat), 3, 3))
-    _kernels.fill_quaternion_matrix(flat, out)
+    kernels.fill_quaternion_matrix(flat, out)
     return out.reshape(*shape, 3, 3)
 
 
@@ -115,7 +115,7 @@ def matrix_to_quaternion(matrix: ArrayLike) -> Floats:
     """Return unit quaternions (..., 4), scalar first and not negative, of matrices (..., 3, 3)."""
     flat, shape = _flat(matrix, (3, 3))
     out = np.empty((len(flat), 4))
-    _kernels.fill_matrix_quaternion(flat, out)
+    kernels.fill_matrix_quaternion(flat, out)
     return out.reshape(*shape, 4)
 
 

@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from deform.geometry._kernels import EARTH_RATE, gravity, radii, rotate, turn_left, turn_right
+from deform.geometry._kernels_earth import EARTH_RATE, gravity, radii
+from deform.geometry._kernels_rotation import rotate, turn_left, turn_right
 from deform.run.stamps import MOST_BRIDGED, lost_before
 
 # One row of the table of epochs: integrals over the epoch in the body axes of its beginning, frozen in inertial space.

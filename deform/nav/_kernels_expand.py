@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from deform.geometry._kernels import rotate, turn_left, turn_right
+from deform.geometry._kernels_rotation import rotate, turn_left, turn_right
 from deform.nav._kernels import (
     COLUMNS,
     DURATION,

@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numba import njit
 
-from deform.geometry._kernels import EARTH_RATE, gravity, radii, rotate
+from deform.geometry._kernels_earth import EARTH_RATE, gravity, radii
+from deform.geometry._kernels_rotation import rotate
 from deform.nav._kernels import (
     ATTITUDE_TIME,
     ATTITUDE_TRAVEL,

@@ -6,7 +6,7 @@ import math
 
 from numba import njit
 
-from deform.geometry._kernels import rotate, rotate_back, turn_left
+from deform.geometry._kernels_rotation import rotate, rotate_back, turn_left
 from deform.nav._kernels import ATTITUDE_TRAVEL, DURATION, SENSE, TURN, navigation_rates, shift_place
 
 

@@ -6,7 +6,7 @@ import math
 
 from numba import njit
 
-from deform.geometry._kernels import turn_left
+from deform.geometry._kernels_rotation import turn_left
 from deform.nav._kernels import place_difference, shift_place
 
 WAVES = 3  # components of the wobble, each with a length of its own and a state that drives it

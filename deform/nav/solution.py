@@ -144,10 +144,12 @@ def _about_its_path(problem: Problem) -> Problem:
     unseen between marks, the path that the filter was linear about is not the one that the marks leave.
     """
     for _ in range(MOST_ROUNDS):
-        smoothed = _pass(problem)[1]
-        turned = _most_turned(smoothed.states, problem.about) if len(problem.about) else math.inf
+        smoothed, before = _pass(problem)[1], problem.about
         problem = replace(problem, about=smoothed.states)
-        log.info("solved about the smoothed path; attitudes had moved by %.2f degree", math.degrees(turned))
+        if not len(before):
+            continue
+        turned = _most_turned(smoothed.states, before)
+        log.info("solved about the smoothed path; attitudes moved by %.2f degree", math.degrees(turned))
         if turned < SETTLED_RAD:
             break
     return problem

@@ -7,7 +7,9 @@ import math
 import numpy as np
 from numba import njit
 
-from deform.geometry import _kernels as geometry
+from deform.geometry import _kernels_earth as earth
+from deform.geometry import _kernels_rotation as rotation
+from deform.geometry._kernels_resample import find_interval
 
 # table of a line: one row per knot of chainage in the direction of travel, then pairs of a value and its derivative,
 # of the pipe and of the tool in it
@@ -39,14 +41,14 @@ def integrate_line(table, latitude, longitude, height):
                 up += w * h * math.sin(p)
             height = table[i - 1, HEIGHT] + 0.5 * up
             latitude = table[i - 1, LATITUDE]
-            meridian, normal = geometry.radii(latitude)
-            meridian, normal = geometry.radii(latitude + 0.5 * north / (meridian + height))
+            meridian, normal = earth.radii(latitude)
+            meridian, normal = earth.radii(latitude + 0.5 * north / (meridian + height))
             middle = latitude + 0.5 * north / (meridian + height)
             table[i, LATITUDE] = latitude + north / (meridian + height)
             table[i, LONGITUDE] = table[i - 1, LONGITUDE] + east / ((normal + height) * math.cos(middle))
             table[i, HEIGHT] = table[i - 1, HEIGHT] + up
         a, p = table[i, AZIMUTH], table[i, PITCH]
-        meridian, normal = geometry.radii(table[i, LATITUDE])
+        meridian, normal = earth.radii(table[i, LATITUDE])
         table[i, D_LATITUDE] = math.cos(a) * math.cos(p) / (meridian + table[i, HEIGHT])
         table[i, D_LONGITUDE] = math.sin(a) * math.cos(p) / ((normal + table[i, HEIGHT]) * math.cos(table[i, LATITUDE]))
         table[i, D_HEIGHT] = math.sin(p)
@@ -77,7 +79,7 @@ def fill_columns(table, where, column, out):
     row = np.empty(COLUMNS)
     i = 0
     for n in range(where.size):
-        i = geometry.find_interval(where[n], table[:, S], i)
+        i = find_interval(where[n], table[:, S], i)
         h = table[i + 1, S] - table[i, S]
         hermite_row(table, i, (where[n] - table[i, S]) / h, h, row)
         out[n, 0], out[n, 1] = row[column], row[column + 1]
@@ -131,11 +133,11 @@ def state(t, table, motion, step, mounting, vibration, hit_times, hit_signs, i, 
     """
     row, ride = work[:COLUMNS], work[COLUMNS:]
     s, speed = travel(motion, step, t)
-    i = geometry.find_interval(s, table[:, S], i)
+    i = find_interval(s, table[:, S], i)
     h = table[i + 1, S] - table[i, S]
     hermite_row(table, i, (s - table[i, S]) / h, h, row)
     hit = shake(t, speed, vibration, hit_times, hit_signs, hit, ride)
-    geometry.attitude_matrix(T, row[AZIMUTH] + row[YAW] + ride[3], row[PITCH] + row[TILT] + ride[4], row[ROLL])
+    rotation.attitude_matrix(T, row[AZIMUTH] + row[YAW] + ride[3], row[PITCH] + row[TILT] + ride[4], row[ROLL])
     for r in range(3):
         for c in range(3):
             C[r, c] = T[r, 0] * mounting[0, c] + T[r, 1] * mounting[1, c] + T[r, 2] * mounting[2, c]
@@ -148,7 +150,7 @@ def state(t, table, motion, step, mounting, vibration, hit_times, hit_signs, i, 
     x[3] = across * ca + forward * sa * cp - upward * sa * sp
     x[4] = -across * sa + forward * ca * cp - upward * ca * sp
     x[5] = forward * sp + upward * cp
-    meridian, normal = geometry.radii(row[LATITUDE])
+    meridian, normal = earth.radii(row[LATITUDE])
     x[0] = row[LATITUDE] + (-right * sa - above * ca * sp) / (meridian + row[HEIGHT])
     x[1] = row[LONGITUDE] + (right * ca - above * sa * sp) / ((normal + row[HEIGHT]) * math.cos(row[LATITUDE]))
     x[2] = row[HEIGHT] + above * cp
@@ -163,8 +165,8 @@ def fill_states(times, table, motion, step, mounting, vibration, hit_times, hit_
     i, hit = 0, -1
     for n in range(times.size):
         i, hit = state(times[n], table, motion, step, mounting, vibration, hit_times, hit_signs, i, hit, work, T, C, out[n])
-        out[n, 10], out[n, 11], out[n, 12] = geometry.matrix_attitude(C)
-        out[n, 13], out[n, 14], out[n, 15] = geometry.matrix_attitude(T)
+        out[n, 10], out[n, 11], out[n, 12] = rotation.matrix_attitude(C)
+        out[n, 13], out[n, 14], out[n, 15] = rotation.matrix_attitude(T)
 
 
 @njit(cache=True, error_model="numpy")
@@ -183,13 +185,13 @@ def turned(C, D):
 @njit(cache=True, error_model="numpy")
 def inertial(C, x, dv, out):
     """Fill out (6,) with the inertial rate of the level frame and the specific force, both in the axes of the IMU."""
-    _, earth_north, earth_up = geometry.earth_rate(x[0])
-    over_east, over_north, over_up = geometry.transport_rate(x[0], x[2], x[3], x[4])
-    out[0], out[1], out[2] = geometry.rotate_back(C, over_east, earth_north + over_north, earth_up + over_up)
+    _, earth_north, earth_up = earth.earth_rate(x[0])
+    over_east, over_north, over_up = earth.transport_rate(x[0], x[2], x[3], x[4])
+    out[0], out[1], out[2] = rotation.rotate_back(C, over_east, earth_north + over_north, earth_up + over_up)
     we, wn, wu = over_east, 2.0 * earth_north + over_north, 2.0 * earth_up + over_up
-    ce, cn, cu = geometry.cross(we, wn, wu, x[3], x[4], x[5])
-    fu = dv[2] + cu + geometry.gravity(x[0], x[2])
-    out[3], out[4], out[5] = geometry.rotate_back(C, dv[0] + ce, dv[1] + cn, fu)
+    ce, cn, cu = rotation.cross(we, wn, wu, x[3], x[4], x[5])
+    fu = dv[2] + cu + earth.gravity(x[0], x[2])
+    out[3], out[4], out[5] = rotation.rotate_back(C, dv[0] + ce, dv[1] + cn, fu)
 
 
 @njit(cache=True, error_model="numpy")
@@ -235,8 +237,8 @@ def add_turn(Cs, h, out):
     ax, ay, az = (4.0 * mx - ex) / h, (4.0 * my - ey) / h, (4.0 * mz - ez) / h
     k = 2.0 / (h * h)
     bx, by, bz = k * (ex - 2.0 * mx), k * (ey - 2.0 * my), k * (ez - 2.0 * mz)
-    cx, cy, cz = geometry.cross(ax, ay, az, bx, by, bz)
-    dx, dy, dz = geometry.cross(ax, ay, az, cx, cy, cz)
+    cx, cy, cz = rotation.cross(ax, ay, az, bx, by, bz)
+    dx, dy, dz = rotation.cross(ax, ay, az, cx, cy, cz)
     p, q = h * h * h / 6.0, h**4 / 24.0
     out[0] += ex - p * cx + q * dx
     out[1] += ey - p * cy + q * dy
@@ -277,7 +279,7 @@ def arm_ranges(places, poses, angles, offset, joints, dents, noise, out):
         s = places[n]
         roll, yaw, tilt = poses[n, 0], poses[n, 1], poses[n, 2]
         ox, oz = poses[n, 3] + offset * yaw, poses[n, 4] + offset * tilt
-        j = geometry.find_interval(s, starts, j)
+        j = find_interval(s, starts, j)
         while first < dents.shape[0] and dents[first, 0] < s - 2.0:
             first += 1
         while first > 0 and dents[first - 1, 0] >= s - 2.0:
@@ -351,15 +353,15 @@ def follow(increments, method, out):
     for n in range(increments.shape[0]):
         x, y, z = increments[n, 0], increments[n, 1], increments[n, 2]
         if method == 0:
-            geometry.turn_right(C, x, y, z)
+            rotation.turn_right(C, x, y, z)
         elif method == 1:
-            cx, cy, cz = geometry.cross(bx, by, bz, x, y, z)
-            geometry.turn_right(C, x + cx / 12.0, y + cy / 12.0, z + cz / 12.0)
+            cx, cy, cz = rotation.cross(bx, by, bz, x, y, z)
+            rotation.turn_right(C, x + cx / 12.0, y + cy / 12.0, z + cz / 12.0)
             bx, by, bz = x, y, z
         else:
             for k in range(3):
                 axis = (method - 2 + k) % 3
-                geometry.turn_right(C, x if axis == 0 else 0.0, y if axis == 1 else 0.0, z if axis == 2 else 0.0)
+                rotation.turn_right(C, x if axis == 0 else 0.0, y if axis == 1 else 0.0, z if axis == 2 else 0.0)
         for r in range(3):
             for c in range(3):
                 out[n, r, c] = C[r, c]

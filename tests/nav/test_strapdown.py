@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deform.geometry import _kernels as geometry
+from deform.geometry import _kernels_rotation as turning
 from deform.geometry import earth, rotation
 from deform.geometry.rotation import matrix_to_rotation_vector, rotation_vector_to_matrix
 from deform.nav import _kernels
@@ -212,8 +212,8 @@ def test_matrices_led_on_by_the_rotation_vector_stay_rotations_and_equal_the_qua
     quaternions = rotation.rotation_vector_to_quaternion(turns)
     C, q = np.eye(3), (1.0, 0.0, 0.0, 0.0)
     for turn, step in zip(turns, quaternions, strict=True):
-        geometry.turn_right(C, *turn)
-        q = geometry.quaternion_product(*q, *step)
+        turning.turn_right(C, *turn)
+        q = turning.quaternion_product(*q, *step)
     assert np.abs(C.T @ C - np.eye(3)).max() < 1e-11
     for method in rotation.ORTHONORMALISATIONS:
         assert np.abs(rotation.orthonormalise(C, method) - C).max() < 1e-11
