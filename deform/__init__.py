@@ -30,7 +30,10 @@ The public names below are loaded when they are first used; ``import deform`` it
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 from typing import Any
+
+from deform.kernel_cache import drop_outdated
 
 _PUBLIC = {
     "run_survey": "deform.survey",
@@ -56,6 +59,8 @@ _PUBLIC = {
 }
 
 __all__ = list(_PUBLIC)
+
+drop_outdated(Path(__file__).parent)
 
 
 def __getattr__(name: str) -> Any:
