@@ -160,12 +160,12 @@ def smooth_chain(seen, variance, rows, push, F, Q, Q_push, P0, wanted, value, sp
     """Fixed-interval smoothing of a chain of states: Kalman filter forward, Rauch-Tung-Striebel back.
 
     ``seen`` (n, q) are measurements ``rows`` (q, m) times the state with ``variance`` (q,), NaN where there is none; ``push``
-    (n,) scales ``Q_push`` beside the constant ``Q``. Fills ``value`` and ``spread`` (standard deviation) of state ``wanted``. A
-    measurement beyond five sigma loses weight until it is at five (Huber); ``odd`` counts them.
+    (n,) scales ``Q_push`` beside the constant ``Q``. Fills ``value`` (n, p) of the rows ``wanted`` (p, m) times the state, and
+    ``spread`` (n,), the standard deviation of the first. A measurement beyond five sigma loses weight until it is at five
+    (Huber); ``odd`` counts them.
     """
     n, m = seen.shape[0], F.shape[0]
     x_f, P_f = np.empty((n, m)), np.empty((n, m, m))
-    x_p, P_p = np.empty((n, m)), np.empty((n, m, m))
     x, P = np.zeros(m), P0.copy()
     for k in range(n):
         if np.isfinite(seen[k, 0]):
@@ -173,25 +173,41 @@ def smooth_chain(seen, variance, rows, push, F, Q, Q_push, P0, wanted, value, sp
             break
     for k in range(n):
         if k > 0:
-            x = _times(F, x)
-            P = _congruent(F, P)
-            for i in range(m):
-                for j in range(m):
-                    P[i, j] += Q[i, j] + push[k] * Q_push[i, j]
-        x_p[k], P_p[k] = x, P
+            x, P = _led(F, x, P, Q, push[k], Q_push)
         for r in range(seen.shape[1]):
             if np.isfinite(seen[k, r]):
                 _measure(x, P, seen[k, r], rows[r], variance[r], odd)
-        x_f[k], P_f[k] = x.copy(), P.copy()
-    value[n - 1], spread[n - 1] = x[wanted], np.sqrt(max(P[wanted, wanted], 0.0))
+        x_f[k], P_f[k] = x, P
+    value[n - 1], spread[n - 1] = _times(wanted, x), _deviation(wanted[0], P)
     for k in range(n - 2, -1, -1):
-        predicted = P_p[k + 1].copy()
+        x_p, P_p = _led(F, x_f[k], P_f[k], Q, push[k + 1], Q_push)
+        predicted = P_p.copy()
         for i in range(m):
             predicted[i, i] = predicted[i, i] * (1.0 + 1e-12) + 1e-30
         J = np.linalg.solve(predicted, _product(F, P_f[k])).T
-        x = x_f[k] + _times(J, x - x_p[k + 1])
-        P = P_f[k] + _congruent(J, P - P_p[k + 1])
-        value[k], spread[k] = x[wanted], np.sqrt(max(P[wanted, wanted], 0.0))
+        x = x_f[k] + _times(J, x - x_p)
+        P = P_f[k] + _congruent(J, P - P_p)
+        value[k], spread[k] = _times(wanted, x), _deviation(wanted[0], P)
+
+
+@njit(cache=True, error_model="numpy")
+def _led(F, x, P, Q, push, Q_push):
+    """State and covariance a node on."""
+    led = _congruent(F, P)
+    for i in range(led.shape[0]):
+        for j in range(led.shape[0]):
+            led[i, j] += Q[i, j] + push * Q_push[i, j]
+    return _times(F, x), led
+
+
+@njit(cache=True, error_model="numpy")
+def _deviation(row, P):
+    """Standard deviation of a row times the state."""
+    along = _times(P, row)
+    variance = 0.0
+    for i in range(row.size):
+        variance += row[i] * along[i]
+    return np.sqrt(max(variance, 0.0))
 
 
 @njit(cache=True, error_model="numpy")
@@ -216,9 +232,9 @@ def _measure(x, P, z, row, R, odd):
 
 @njit(cache=True, error_model="numpy")
 def _times(A, x):
-    m = x.shape[0]
-    out = np.zeros(m)
-    for i in range(m):
+    n, m = A.shape
+    out = np.zeros(n)
+    for i in range(n):
         for j in range(m):
             out[i] += A[i, j] * x[j]
     return out

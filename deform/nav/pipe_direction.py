@@ -15,7 +15,8 @@ from deform.geometry.earth import radii
 from deform.geometry.resample import MAD_TO_SIGMA, box_average, interpolate
 from deform.geometry.rotation import attitude_to_matrix
 from deform.nav import _kernels_path
-from deform.nav.wobble import Wobble, fit_wobble, gyro_walk, turn_sigma
+from deform.nav.wobble import Wobble, WobbleModel, gyro_walk, turn_sigma
+from deform.nav.wobble_fit import fit_departure
 from deform.run.raw import RunHeader
 
 Floats = NDArray[Any]
@@ -76,7 +77,8 @@ def direction_along(
     along the pipe, is therefore the integral of the wobble and of the error of the velocity, measured with the shift as noise.
     In it the pipe cancels: bends leave no trace, and nothing needs to be known about the pipe. A Kalman smoother finds the
     wobble; attitude minus wobble is the pipe. Waves that are shorter than the wobble keep the resolution of the gyros.
-    The spectra that tune it are fitted to the run itself (`deform.nav.wobble`).
+    The spectra that tune it are fitted to the run itself (`deform.nav.wobble_fit`), and narrow lines in them get states of their
+    own (`deform.nav.tones`).
 
     A ring of arms at y along the tool sees the tool's shift plus y times the wobble against the pipe there; it halves what the
     path alone leaves in waves of hundreds of metres, where the tilt of the gyros bends the path.
@@ -312,29 +314,59 @@ def _smoothed(
     header: RunHeader,
 ) -> Wobble:
     usual = float(np.median(speed))
-    model = fit_wobble(total, _NODE_M, usual, header.imu)
-    seen, variance = total[:, None], np.array([max(model.shift_variance, _LEAST_SHIFT_M**2)])
-    # two supports a distance B apart that shift by themselves: the mean of both is B / 2 times the angle between them
-    shift, ring_sigma, order = 0.5 * _CUPS_OD * header.pipe.outside_diameter_m * model.sigma, 0.0, model.order
+    seen, lever, spread = total[:, None], 0.0, 0.0
     if ring is not None and abs(ring[0]) > 0.05 and np.isfinite(ring[1]).sum() > 100:
-        lever, offset = ring
-        spread = MAD_TO_SIGMA * float(np.nanmedian(np.abs(offset)))
-        shift = math.sqrt(max(spread**2 - (lever * model.sigma) ** 2, 0.1 * spread**2, 1e-8))
-        ring_sigma, order = _RING_SIGMA_M, 1
-        seen, variance = np.stack([total, offset], axis=1), np.append(variance, ring_sigma**2)
-    F, Q, Q_push, P0 = model.discrete(_NODE_M, shift, order)
-    own = model.order + 2
-    rows = np.zeros((seen.shape[1], F.shape[0]))
-    rows[0, 0], rows[0, own] = 1.0, -1.0
-    if ring_sigma > 0:
-        rows[1, own], rows[1, 1] = 1.0, lever
-    value, sigma, odd = np.empty(total.size), np.empty(total.size), np.zeros(1, np.int64)
+        lever, seen = ring[0], np.stack([total, ring[1]], axis=1)
+        spread = MAD_TO_SIGMA * float(np.nanmedian(np.abs(ring[1])))
+
+    def riding(model: WobbleModel) -> tuple[float, float]:
+        """Sigma of the tool's slow shift, and that of the ring that sees it (m)."""
+        if lever:
+            return math.sqrt(max(spread**2 - (lever * model.sigma) ** 2, 0.1 * spread**2, 1e-8)), _RING_SIGMA_M
+        # two supports a distance B apart that shift by themselves: the mean of both is B / 2 times the angle between them
+        return 0.5 * _CUPS_OD * header.pipe.outside_diameter_m * model.sigma, 0.0
+
+    between = np.clip(nodes[:-1] + 0.5 * _NODE_M, grid[0], grid[-1])
+    tool = box_average(between, grid, direction, _NODE_M)
+    tool = np.where(np.isfinite(tool), tool, np.interp(between, grid, direction))
+    model = fit_departure(total, _NODE_M, usual, header.imu, tool, ring if lever else None, riding)
+    shift, ring_sigma = riding(model)
+    F, Q, Q_push, P0 = model.discrete(_NODE_M, shift, 1 if lever else model.order)
+    rows, wanted = _rows(model, F.shape[0], lever)
+    variance = np.array([max(model.shift_variance, _LEAST_SHIFT_M**2), ring_sigma**2])[: seen.shape[1]]
+    value, sigma, odd = np.empty((total.size, 2)), np.empty(total.size), np.zeros(1, np.int64)
     push = (usual / speed) ** 3
-    _kernels_path.smooth_chain(seen, variance, rows, push, F, Q, Q_push, P0, 1, value, sigma, odd)
+    _kernels_path.smooth_chain(seen, variance, rows, push, F, Q, Q_push, P0, wanted, value, sigma, odd)
     if odd[0]:
         _log.info("%d of %d measurements of the path lie beyond five sigma and carry less weight", odd[0], seen.size)
-    turn = turn_sigma(model, TURN_LAGS_M, total, _NODE_M, direction, float(grid[1] - grid[0]), (shift, ring_sigma))
-    return Wobble(np.interp(grid, nodes, value), np.interp(grid, nodes, sigma), turn)
+    for tone in model.tones:
+        _log.info(
+            "tone of %.2f m, %.3f degree in the departure of the path, %.2f of it wobble",
+            1.0 / tone.frequency,
+            math.degrees(math.sqrt(2.0 * tone.variance)),
+            abs(tone.share),
+        )
+        sigma = np.hypot(sigma, tone.share_sigma * math.sqrt(tone.variance))
+    smooth = direction - np.interp(grid, nodes, value[:, 1])
+    lags = TURN_LAGS_M
+    turn = turn_sigma(model, lags, total, _NODE_M, smooth, float(grid[1] - grid[0]), (shift, ring_sigma, lever))
+    return Wobble(np.interp(grid, nodes, value[:, 0]), np.interp(grid, nodes, sigma), turn)
+
+
+def _rows(model: WobbleModel, states: int, lever: float) -> tuple[Floats, Floats]:
+    """What is measured: the summed departure, and a ring; what is wanted: the wobble, and its tones alone."""
+    own = model.order + 2
+    rows, wanted = np.zeros((2 if lever else 1, states)), np.zeros((2, states))
+    rows[0, 0], rows[0, own] = 1.0, -1.0
+    wanted[0, 1] = 1.0
+    if lever:
+        rows[1, own], rows[1, 1] = 1.0, lever
+    for i, tone in enumerate(model.tones):
+        here = slice(states - 2 * (len(model.tones) - i), states - 2 * (len(model.tones) - i) + 2)
+        rows[0, here], wanted[:, here] = -tone.shift, tone.wobble
+        if lever:
+            rows[1, here] = tone.shift + lever * tone.wobble
+    return rows, wanted
 
 
 def _on_grid(grid: Floats, travel: Floats, values: Floats, step: float) -> Floats:

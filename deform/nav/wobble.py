@@ -1,4 +1,4 @@
-"""The path's departure from the attitude in; a model of the tool's wobble in the pipe, fitted by its spectrum, out."""
+"""Spectra of the tool's wobble and of the path's noise in; the smoother's model of them, and the sigma it leaves, out."""
 
 from __future__ import annotations
 
@@ -8,20 +8,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm, solve_continuous_lyapunov
-from scipy.optimize import least_squares
+from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
 from scipy.signal import welch
 
+from deform.nav.tones import Tone
 from deform.run.raw import ImuHeader
 
 Floats = NDArray[Any]
 
-_STANDARD_GRAVITY = 9.80665
-_SEGMENT_M = 256.0  # length of the pieces whose spectra are averaged
+SEGMENT_M = 256.0  # length of the pieces whose spectra are averaged
 _PIECE_M = 50.0  # the same for the attitude by itself
-_MOST_WEIGHT = 30.0  # values of the periodogram that a band counts for; more of them do not make the model better
-_ORDERS = (1, 2, 3, 4)  # poles of the wobble: how sharply it fades towards short waves
-_DEFAULT = (math.radians(0.2), 10.0, 1e-3)  # wobble (rad), its length (m), shift (m) where a run is too short to tell
+USUAL = (math.radians(0.2), 10.0, 1e-3)  # wobble (rad), its length (m), shift (m) where a run is too short to tell
 
 
 @dataclass(frozen=True)
@@ -35,7 +32,7 @@ class Wobble:
     @classmethod
     def absent(cls, n: int, lags: int) -> Wobble:
         """No knowledge about the wobble: zero with the sigma of a usual tool."""
-        return cls(np.zeros(n), np.full(n, _DEFAULT[0]), np.full(lags, math.sqrt(2.0) * _DEFAULT[0]))
+        return cls(np.zeros(n), np.full(n, USUAL[0]), np.full(lags, math.sqrt(2.0) * USUAL[0]))
 
 
 @dataclass(frozen=True)
@@ -52,6 +49,8 @@ class WobbleModel:
     path_drive : intensity of the random walk of the path's direction: accelerometer noise over speed (rad²/m).
     tilt_drive : the same of its second derivative: gravity times the random walk of the tilt over speed squared (rad²/m³).
     turn_drive : random walk of the gyros per metre (rad²/m).
+    tones : narrow lines of wobble and shift beside the smooth spectra; each has states of its own in the smoother.
+    lines : others, of which the smooth spectra take off what they should.
     """
 
     drive: float
@@ -62,24 +61,54 @@ class WobbleModel:
     path_drive: float
     tilt_drive: float
     turn_drive: float
+    tones: tuple[Tone, ...] = ()
+    lines: tuple[Tone, ...] = ()
 
     @property
     def sigma(self) -> float:
-        """Standard deviation of the wobble (rad)."""
+        """Standard deviation of the wobble without its tones (rad)."""
         frequency = np.geomspace(1e-5, 5.0, 4000)
         return math.sqrt(float(np.trapezoid(self.wobble_spectrum(frequency), frequency)))
 
     def wobble_spectrum(self, frequency: Floats) -> Floats:
-        """One-sided power spectral density of the wobble (rad² m)."""
+        """One-sided power spectral density of the wobble without its tones (rad² m)."""
         return _wobble_spectrum(frequency, self.drive, self.rate, self.order)
 
     def noise_spectrum(self, frequency: Floats, node: float) -> Floats:
-        """One-sided power spectral density of what else is in the departure (rad² m)."""
+        """One-sided power spectral density of what else is in the departure, without tones (rad² m)."""
         drift = _drift_spectrum(frequency, self.path_drive, self.tilt_drive)
         return _ride_spectrum(frequency, self.shift_variance, self.ride, node) + drift
 
+    def shown_spectrum(self, frequency: Floats, node: float) -> Floats:
+        """The same of the departure that the navigation shows: of long waves of the wobble it has taken a part for path."""
+        wobble, drift = self.wobble_spectrum(frequency), _drift_spectrum(frequency, self.path_drive, self.tilt_drive)
+        return wobble**2 / (wobble + drift) + _ride_spectrum(frequency, self.shift_variance, self.ride, node)
+
+    def taken(self, tone: Tone, node: float, shift_sigma: float, ring_sigma: float, lever: float) -> complex:
+        """Share of a tone's departure that a smoother of the smooth spectra takes for wobble.
+
+        Wiener's filter of the model of `discrete`, at the tone: from the departure w + e - u' alone, and with a ring at
+        ``lever`` (m, 0 for none) from its offset u + lever w too.
+        """
+        omega = 2.0 * math.pi * tone.frequency
+        turned = 1j * omega
+        wobble = float(2.0 * self.drive * self.rate ** (2 * self.order - 2) / (omega**2 + 0.25 * self.rate**2) ** self.order)
+        error, length = self.path_error()
+        drift = 4.0 * error**2 * length / (1.0 + (omega * length) ** 2)
+        if lever == 0.0:
+            shift = float(self.wobble_spectrum(np.array([tone.frequency]))[0]) * (shift_sigma / self.sigma) ** 2
+        else:
+            shift = 4.0 * 0.1 * self.rate * 5.0 * shift_sigma**2 / (omega**2 + (0.1 * self.rate) ** 2)
+        ride = 2.0 * self.ride + omega**2 * 2.0 * node * self.shift_variance
+        both = np.array([[wobble + drift + omega**2 * shift + ride, lever * wobble - turned * shift],
+                         [lever * wobble + turned * shift, shift + lever**2 * wobble + 2.0 * node * ring_sigma**2]])  # fmt: skip
+        seen = np.array([1.0, (tone.share - 1.0) / turned + lever * tone.share])
+        rank = 1 if lever == 0.0 else 2
+        weights = np.linalg.solve(both[:rank, :rank].T, np.array([1.0, lever])[:rank] * wobble)
+        return complex(weights @ seen[:rank])
+
     def discrete(self, node: float, shift_sigma: float, shift_order: int) -> tuple[Floats, Floats, Floats, Floats]:
-        """Transition, noise, noise of the path, first covariance of [integral, wobble and its poles, path error, shift and its].
+        """Transition, noise, noise of the path, first covariance of [integral, wobble, poles, path error, shift, poles, tones].
 
         Notes
         -----
@@ -107,10 +136,15 @@ class WobbleModel:
         _chain(A, p + 2, shift_order, rate)
         unit = solve_continuous_lyapunov(A[p + 2 :, p + 2 :], -_corner(shift_order))[0, 0]
         L[m - 1, m - 1] = shift_sigma**2 / unit
-        F, Q = _van_loan(A, L, node)
         P0 = np.zeros((m, m))
         P0[1:, 1:] = solve_continuous_lyapunov(A[1:, 1:], -(L + push)[1:, 1:])
         P0[0, 0] = 100.0 * self.shift_variance
+        for tone in self.tones:
+            A, L, push, P0 = (block_diag(whole, more) for whole, more in
+                              ((A, tone.turning), (L, tone.drive), (push, np.zeros((2, 2))),
+                               (P0, tone.variance * np.eye(2))))  # fmt: skip
+            A[0, -2:] = tone.wobble
+        F, Q = _van_loan(A, L, node)
         return F, Q, _van_loan(A, push, node)[1], P0
 
     def path_error(self) -> tuple[float, float]:
@@ -122,49 +156,34 @@ class WobbleModel:
         error = math.sqrt(max(float(np.trapezoid(left, frequency)), 1e-16))
         return error, float(np.clip(left[0] / (4.0 * error**2), 2.0, 500.0))
 
-    def left_spectrum(self, frequency: Floats, node: float, shift_sigma: float, ring_sigma: float) -> Floats:
+    def left_spectrum(self, frequency: Floats, node: float, shift_sigma: float, ring_sigma: float, lever: float = 0.0) -> Floats:
         """One-sided spectrum of the error that the smoother leaves in the direction (rad² m): S_w S_n / (S_w + S_n).
 
-        The shift of the tool slopes the path: by all of it where it is not seen, by the error of the ring where it is.
+        The shift of the tool slopes the path: by all of it where it is not seen, by the error of the ring where it is. Of a tone
+        of spectrum S_T the share g is wobble, and S_x - |S_xy|² / S_y is left, with S_x = S_w + |g|² S_T, S_xy = S_w + g S_T and
+        S_y = S_w + S_n + S_T; then what is not known of the shares, and what is left in lines that are no tones.
         """
-        wobble, noise = self.wobble_spectrum(frequency), self.noise_spectrum(np.minimum(frequency, 0.5 / node), node)
+        wobble, noise = self.wobble_spectrum(frequency), self._noise(frequency, node, shift_sigma, ring_sigma)
+        own, whole = wobble, wobble + noise
+        if not self.tones + self.lines:
+            return wobble * noise / whole
+        cross, unknown = wobble, np.zeros(frequency.size)
+        for tone in self.tones:
+            power = tone.spectrum(frequency)
+            own, whole = own + abs(tone.share) ** 2 * power, whole + power
+            cross = cross + tone.share * power
+        for tone in self.tones + self.lines:
+            unknown += 2.0 * tone.share_sigma**2 * tone.spectrum(frequency)
+        for tone in self.lines:
+            taken = self.taken(tone, node, shift_sigma, ring_sigma, lever)
+            unknown += abs(taken - tone.share) ** 2 * tone.spectrum(frequency)
+        return np.maximum(own - np.abs(cross) ** 2 / whole, 0.0) + unknown
+
+    def _noise(self, frequency: Floats, node: float, shift_sigma: float, ring_sigma: float) -> Floats:
+        noise = self.noise_spectrum(np.minimum(frequency, 0.5 / node), node)
         omega2 = (2.0 * np.pi * frequency) ** 2
-        noise = noise + omega2 * (2.0 * node * ring_sigma**2 if ring_sigma > 0 else wobble * (shift_sigma / self.sigma) ** 2)
-        return wobble * noise / (wobble + noise)
-
-
-def fit_wobble(total: Floats, node: float, speed: float, imu: ImuHeader) -> WobbleModel:
-    """Return the model whose spectrum is that of the run.
-
-    Parameters
-    ----------
-    total : attitude minus path, summed along the pipe, at nodes (m); NaN where there is none.
-    node : spacing of the nodes (m).
-    speed : usual speed (m/s).
-    imu : maker's figures; the accelerometers' random walk sets the error of the path, it is not fitted.
-
-    Notes
-    -----
-    The navigation that made the path knows of the wobble too: of waves in which the accelerometers drift by more than the tool
-    wobbles it shows the share S_w / (S_w + S_drift) only, and the model is compared with what is shown.
-    Averaged periodograms in bands of equal ratio, compared by their logarithms: wobble of 1 to 4 equal poles, plus the shift of
-    the tool as white noise and as random walk of the path. The number of poles with the least misfit is taken.
-    """
-    path = max(imu.accel_random_walk_ug_per_sqrt_hz * 1e-6 * _STANDARD_GRAVITY, 1e-7) ** 2 / max(speed, 0.05) ** 3
-    turn = gyro_walk(imu, speed)
-    tilt = turn * _STANDARD_GRAVITY**2 / max(speed, 0.05) ** 4
-    sigma, length, shift = _DEFAULT
-    fallback = WobbleModel(2.0 * sigma**2 / length, 1.0 / length, 1, shift**2, 0.0, path, tilt, turn)
-    frequency, power, weight = _spectrum(total, node)
-    if frequency.size < 6:
-        return fallback
-    best, least = fallback, np.inf
-    for order in _ORDERS:
-        for rate in (0.03, 0.3):
-            model, misfit = _fit_order(frequency, power, weight, order, rate * order, node, (path, tilt, turn))
-            if misfit < least:
-                best, least = model, misfit
-    return best
+        seen = 2.0 * node * ring_sigma**2 if ring_sigma > 0 else self.wobble_spectrum(frequency) * (shift_sigma / self.sigma) ** 2
+        return noise + omega2 * seen
 
 
 def gyro_walk(imu: ImuHeader, speed: float) -> float:
@@ -179,7 +198,7 @@ def turn_sigma(
     node: float,
     direction: Floats,
     step: float,
-    shift: tuple[float, float],
+    shift: tuple[float, float, float],
 ) -> Floats:
     """Return the sigma (rad) of the turn of the pipe between two places these lags (m) apart.
 
@@ -189,7 +208,7 @@ def turn_sigma(
     lags : metre.
     total, node : as for `fit_wobble`.
     direction, step : direction of the tool (rad) on the grid of the result, and its step (m).
-    shift : sigma of the tool's slow shift in the pipe, and that of a ring that sees it, 0 without one (m).
+    shift : sigma of the tool's slow shift in the pipe, and that of a ring that sees it and its place, 0 without one (m).
 
     Notes
     -----
@@ -204,10 +223,13 @@ def turn_sigma(
     wobble, noise = model.wobble_spectrum(frequency), model.noise_spectrum(np.minimum(frequency, 0.5 / node), node)
     left = model.left_spectrum(frequency, node, *shift)
     most = np.full(frequency.size, np.inf)
-    for slopes, spacing, longest, order in ((_slope(total) / node, node, _SEGMENT_M, 0), (np.diff(direction), step, _PIECE_M, 1)):
+    for slopes, spacing, longest, order in (
+        (slope_of(total) / node, node, SEGMENT_M, 0),
+        (np.diff(direction), step, _PIECE_M, 1),
+    ):
         at, power = _median_spectrum(slopes, spacing, longest)
         if at.size > 4:
-            power = power / (2.0 * np.sin(np.pi * at * spacing)) ** 2 if order else 0.5 * power
+            power = power / (2.0 * np.sin(np.pi * at * spacing)) ** 2 if order else 0.5 * power * _without_lines(model, at, node)
             inside = frequency <= at[-1]
             most[inside] = np.minimum(most[inside], np.interp(frequency[inside], at, power))
     hidden = (wobble < noise) & np.isfinite(most)
@@ -216,44 +238,12 @@ def turn_sigma(
     return np.sqrt(np.trapezoid(left * passed, frequency, axis=1) + model.turn_drive * lags)
 
 
-def _fit_order(
-    frequency: Floats, power: Floats, weight: Floats, order: int, rate: float, node: float, inertial: tuple[float, float, float]
-) -> tuple[WobbleModel, float]:
-    """Least squares of the logarithms over wobble power, decay, shift and ride, begun at a decay."""
-    variance = max(float(np.trapezoid(power, frequency)), 1e-14)
-    steep = 2.0 * node * (2.0 * np.sin(np.pi * np.minimum(frequency[-3:] * node, 0.5)) / node) ** 2
-    shift, ride = float((power[-3:] / steep).mean()), 0.5 * float(power.min())
-
-    def model_of(x):
-        size, decay, spread, white = np.exp(x)
-        return WobbleModel(size * decay, decay, order, spread, white, *inertial)
-
-    def misfit(x):
-        model = model_of(x)
-        wobble, drift = model.wobble_spectrum(frequency), _drift_spectrum(frequency, model.path_drive, model.tilt_drive)
-        seen = wobble**2 / (wobble + drift) + _ride_spectrum(frequency, model.shift_variance, model.ride, node)
-        return np.sqrt(weight) * np.log(seen / power)
-
-    low, high = np.log([1e-16, 1e-3, 1e-15, 1e-16]), np.log([1.0, 2.0 * order, 1.0, 1.0])
-    start = np.log([variance, rate, max(shift, 1e-14), max(ride, 1e-15)])
-    found = least_squares(misfit, np.clip(start, low + 1e-3, high - 1e-3), bounds=(low, high))
-    return model_of(found.x), 2.0 * float(found.cost)
-
-
-def _spectrum(total: Floats, node: float) -> tuple[Floats, Floats, Floats]:
-    """Robust averaged spectrum of the departure (rad² m) in bands: frequency, power, number of periodograms' values in it."""
-    slope = _slope(total) / node
-    if slope.size < 128:
-        return np.empty(0), np.empty(0), np.empty(0)
-    size = min(round(_SEGMENT_M / node), slope.size)
-    frequency, power = welch(slope, fs=1.0 / node, nperseg=size, average="median" if slope.size > 4 * size else "mean")
-    pieces = max(1.0, slope.size / size)
-    edges = np.geomspace(frequency[1] * 0.9, 0.5 / node * 1.001, 28)
-    band = np.digitize(frequency, edges)
-    rows = [(np.exp(np.log(frequency[b]).mean()), np.exp(np.log(np.maximum(power[b], 1e-30)).mean()), b.sum() * pieces)
-            for b in (np.flatnonzero(band == i) for i in range(1, edges.size)) if b.size]  # fmt: skip
-    table = np.array(rows)
-    return table[:, 0], table[:, 1], np.minimum(table[:, 2], _MOST_WEIGHT)
+def _without_lines(model: WobbleModel, at: Floats, node: float) -> Floats:
+    """Part of the departure's periodogram at the frequencies of pieces that is not in lines."""
+    if not model.tones + model.lines:
+        return np.ones(at.size)
+    size, smooth = round(1.0 / (at[0] * node)), model.shown_spectrum(at, node)
+    return smooth / (smooth + sum(line.periodogram(size, node)[1 : at.size + 1] for line in model.tones + model.lines))
 
 
 def _chain(A: Floats, first: int, poles: int, rate: float) -> None:
@@ -270,7 +260,7 @@ def _corner(n: int) -> Floats:
     return out
 
 
-def _slope(total: Floats) -> Floats:
+def slope_of(total: Floats) -> Floats:
     """Differences of the sum from node to node, gaps bridged."""
     known = np.flatnonzero(np.isfinite(total))
     return np.diff(np.interp(np.arange(total.size), known, total[known])) if known.size > 1 else np.empty(0)

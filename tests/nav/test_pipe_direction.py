@@ -13,7 +13,7 @@ from deform.geometry.earth import enu_shift
 from deform.geometry.resample import box_average
 from deform.geometry.rotation import attitude_to_matrix, matrix_to_attitude
 from deform.nav.pipe_direction import TURN_LAGS_M, direction_along
-from deform.nav.wobble import fit_wobble
+from deform.nav.wobble_fit import fit_wobble
 from tests.nav.wheels import header
 
 STEP = 0.05
