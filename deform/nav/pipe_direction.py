@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from deform.geometry.earth import radii
 from deform.geometry.resample import MAD_TO_SIGMA, box_average, interpolate
@@ -347,10 +348,12 @@ def _smoothed(
             abs(tone.share),
         )
         sigma = np.hypot(sigma, tone.share_sigma * math.sqrt(tone.variance))
-    smooth = direction - np.interp(grid, nodes, value[:, 1])
-    lags = TURN_LAGS_M
-    turn = turn_sigma(model, lags, total, _NODE_M, smooth, float(grid[1] - grid[0]), (shift, ring_sigma, lever))
-    return Wobble(np.interp(grid, nodes, value[:, 0]), np.interp(grid, nodes, sigma), turn)
+    wobble, tones = np.interp(grid, nodes, value[:, 0] - value[:, 1]), np.zeros(grid.size)
+    if model.tones:  # a line from node to node would cut the crests of short ones
+        tones = CubicSpline(nodes, value[:, 1])(np.clip(grid, nodes[0], nodes[-1]))
+    riders = (shift, ring_sigma, lever)
+    turn = turn_sigma(model, TURN_LAGS_M, total, _NODE_M, direction - tones, float(grid[1] - grid[0]), riders)
+    return Wobble(wobble + tones, np.interp(grid, nodes, sigma), turn)
 
 
 def _rows(model: WobbleModel, states: int, lever: float) -> tuple[Floats, Floats]:

@@ -37,12 +37,28 @@ def pipe(bends=True):
 
 
 def made(
-    seed=0, wobble_deg=0.15, length=4.0, shift=1e-3, mounting=(0.2, -0.15), roll_rate=0.3, path_noise=1.0, speed=1.0, bends=True
+    seed=0,
+    wobble_deg=0.15,
+    length=4.0,
+    shift=1e-3,
+    mounting=(0.2, -0.15),
+    roll_rate=0.3,
+    path_noise=1.0,
+    speed=1.0,
+    bends=True,
+    tone=(0.0, 0.0),
+    periodic=0.0,
+    swing=0.0,
 ):
-    """Trajectory of a tool through the pipe, as a perfect navigation would see it but for the noise of the accelerometers."""
+    """Trajectory of a tool through the pipe, as a perfect navigation would see it but for the noise of the accelerometers.
+
+    More wobble, right and up, may come as ``tone`` (degree), more bends of the pipe as ``periodic`` (degree), and more shift to
+    the right as ``swing`` (metre).
+    """
     rng = np.random.default_rng(seed)
     azimuth, pitch, away = pipe(bends)
-    nose_right, nose_up = coloured(rng, wobble_deg, length), coloured(rng, wobble_deg, length)
+    azimuth, pitch = azimuth + periodic, pitch + periodic
+    nose_right, nose_up = (coloured(rng, wobble_deg, length) + more for more in tone)
     roll = 40.0 * np.sin(S / 300.0) + roll_rate * S
     tool = attitude_to_matrix(azimuth + nose_right / np.cos(np.radians(pitch)), pitch + nose_up, roll)
     askew = attitude_to_matrix(mounting[0], mounting[1], 0.0)
@@ -58,6 +74,7 @@ def made(
     walk -= gaussian_filter1d(walk, 100.0 / STEP, axis=0, mode="nearest")
     ahead = forward + walk[:, :1] * right + walk[:, 1:] * up
     place = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (ahead[1:] + ahead[:-1]), axis=0)]) * STEP
+    place += np.broadcast_to(swing, S.size)[:, None] * right
     place += shift * (rng.normal(size=(S.size, 1)) * right + rng.normal(size=(S.size, 1)) * up)
     latitude, longitude, height = enu_shift(np.full(S.size, 61.0), np.full(S.size, -121.0), np.full(S.size, 200.0), *place.T)
     values = {

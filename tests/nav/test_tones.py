@@ -13,7 +13,7 @@ from deform.nav.pipe_direction import TURN_LAGS_M, direction_along
 from deform.nav.tones import Tone, find_tone, with_share
 from deform.nav.wobble import WobbleModel
 from deform.nav.wobble_fit import fit_departure
-from tests.nav import test_pipe_direction as pipes
+from tests.nav.test_pipe_direction import GRID, S, made, turns
 from tests.nav.wheels import header
 
 NODE = 0.5
@@ -154,30 +154,25 @@ def test_model_of_a_smooth_run_has_no_tones_and_that_of_a_tool_with_one_has_it()
         assert [round(1.0 / tone.frequency, 1) for tone in model.tones] == ([5.0] if amplitude else [])
 
 
-def with_waves(monkeypatch, tone_deg=0.0, pipe_deg=0.0, wobble_deg=0.05):
+def turns_of(tone_deg=0.0, pipe_deg=0.0, wobble_deg=0.05):
     """Errors (degree) of the turn over 2 m and its sigma, of a tool with a tone of 6 m in a pipe with bends every 6.2 m."""
-    usual, coloured = pipes.pipe, pipes.coloured
-    wave = tone_deg * np.sin(2.0 * np.pi * pipes.S / 6.0)
-    periodic = pipe_deg * np.sin(2.0 * np.pi * pipes.S / 6.2)
-    monkeypatch.setattr(pipes, "pipe", lambda bends: (lambda a, p, away: (a + periodic, p + periodic, away))(*usual(bends)))
-    monkeypatch.setattr(pipes, "coloured", lambda *given: coloured(*given) + wave)
-    trajectory, azimuth, _, away = pipes.made(wobble_deg=wobble_deg, length=8.0, mounting=(0.0, 0.0), roll_rate=0.0)
-    monkeypatch.undo()
-    grid = pipes.GRID
-    result = direction_along(trajectory, pipes.S, grid, header())
-    error = (result.azimuth - np.interp(grid, pipes.S, azimuth) + 180.0) % 360.0 - 180.0
-    inside = np.interp(grid, pipes.S, away) > 0.99
-    return pipes.turns(error)[inside[20:] & inside[:-20]], result.turn_sigma[0, list(TURN_LAGS_M).index(2.0)]
+    tone, periodic = (a * np.sin(2.0 * np.pi * S / length) for a, length in ((tone_deg, 6.0), (pipe_deg, 6.2)))
+    given = {"length": 8.0, "mounting": (0.0, 0.0), "roll_rate": 0.0}
+    trajectory, azimuth, _, away = made(wobble_deg=wobble_deg, tone=(tone, 0.0), periodic=periodic, **given)
+    result = direction_along(trajectory, S, GRID, header())
+    error = (result.azimuth - np.interp(GRID, S, azimuth) + 180.0) % 360.0 - 180.0
+    inside = np.interp(GRID, S, away) > 0.99
+    return turns(error)[inside[20:] & inside[:-20]], result.turn_sigma[0, list(TURN_LAGS_M).index(2.0)]
 
 
-def test_tone_of_the_tool_is_taken_off_and_the_sigma_says_so(monkeypatch):
-    error, sigma = with_waves(monkeypatch, tone_deg=0.1)
-    assert np.std(error) < 0.25 * 0.1 / np.sqrt(2.0) * 2.0 * np.sin(np.pi * 2.0 / 6.0)
+def test_tone_of_the_tool_is_taken_off_and_the_sigma_says_so():
+    error, sigma = turns_of(tone_deg=0.1)
+    assert np.std(error) < 0.1 * 0.1 / np.sqrt(2.0) * 2.0 * np.sin(np.pi * 2.0 / 6.0)
     assert 0.2 < np.mean(error**2) / sigma**2 < 1.5
 
 
 @pytest.mark.parametrize("wobble_deg", [0.003, 0.05])
-def test_pipe_with_bends_at_every_joint_keeps_them(monkeypatch, wobble_deg):
-    still, _ = with_waves(monkeypatch, wobble_deg=wobble_deg)
-    error, _ = with_waves(monkeypatch, pipe_deg=0.5, wobble_deg=wobble_deg)
+def test_pipe_with_bends_at_every_joint_keeps_them(wobble_deg):
+    still, _ = turns_of(wobble_deg=wobble_deg)
+    error, _ = turns_of(pipe_deg=0.5, wobble_deg=wobble_deg)
     assert np.std(error) < 1.1 * np.std(still) + 0.001
