@@ -98,7 +98,7 @@ def fit_departure(
         floor = fit_wobble(total, node, speed, imu, lines, (floor.order,))
     lever = 0.0 if ring is None else ring[0]
     off = [abs(model.taken(line, node, *riding(model), lever) - line.share) for line in lines]
-    gain = [by * math.sqrt(line.variance) if by > 2.0 * line.share_sigma else 0.0 for by, line in zip(off, lines, strict=True)]
+    gain = [by * math.sqrt(line.variance) if by > line.share_sigma else 0.0 for by, line in zip(off, lines, strict=True)]
     kept = [i for i in np.argsort(gain)[::-1][:MOST_TONES] if gain[i] > _LEAST_GAIN]
     tones, others = tuple(lines[i] for i in kept), tuple(line for i, line in enumerate(lines) if i not in kept)
     return replace(model, tones=tones, lines=others)
