@@ -85,7 +85,9 @@ def fit_departure(
     Notes
     -----
     Line by line: the strongest is found against smooth spectrum and the lines before it, and the smooth spectrum fitted anew
-    beside it. Tones are those that the smooth model would leave in the direction, or put there, by `_LEAST_GAIN` and more.
+    beside them. Tones are those that the smooth spectra by themselves would leave in the direction, or put there, by
+    `_LEAST_GAIN` and more, and by more than is unsure of their share. The smooth spectra are fitted beside the tones when these
+    are all the lines there are, else to the whole, for they have to stand for the other lines.
     """
     model = fit_wobble(total, node, speed, imu)
     slope, floor = slope_of(total) / node, model
@@ -101,6 +103,8 @@ def fit_departure(
     gain = [by * math.sqrt(line.variance) if by > line.share_sigma else 0.0 for by, line in zip(off, lines, strict=True)]
     kept = [i for i in np.argsort(gain)[::-1][:MOST_TONES] if gain[i] > _LEAST_GAIN]
     tones, others = tuple(lines[i] for i in kept), tuple(line for i, line in enumerate(lines) if i not in kept)
+    if tones and not others:
+        model = fit_wobble(total, node, speed, imu, tones)
     return replace(model, tones=tones, lines=others)
 
 
