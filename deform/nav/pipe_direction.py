@@ -347,7 +347,7 @@ def _smoothed(
             math.degrees(math.sqrt(2.0 * tone.variance)),
             abs(tone.share),
         )
-        sigma = np.hypot(sigma, tone.share_sigma * math.sqrt(tone.variance))
+        sigma = np.hypot(sigma, tone.share_sigma * math.sqrt(2.0 * tone.variance))
     wobble, tones = np.interp(grid, nodes, value[:, 0] - value[:, 1]), np.zeros(grid.size)
     if model.tones:  # a line from node to node would cut the crests of short ones
         tones = CubicSpline(nodes, value[:, 1])(np.clip(grid, nodes[0], nodes[-1]))
