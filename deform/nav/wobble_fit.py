@@ -102,7 +102,8 @@ def fit_departure(
     off = [abs(model.taken(line, node, *riding(model), lever) - line.share) for line in lines]
     gain = [by * math.sqrt(line.variance) if by > line.share_sigma else 0.0 for by, line in zip(off, lines, strict=True)]
     kept = [i for i in np.argsort(gain)[::-1][:MOST_TONES] if gain[i] > _LEAST_GAIN]
-    tones, others = tuple(lines[i] for i in kept), tuple(line for i, line in enumerate(lines) if i not in kept)
+    tones = tuple(lines[i] for i in kept)
+    others = tuple(line for i, line in enumerate(lines) if i not in kept and line.variance > _LEAST_GAIN**2)
     if tones and not others:
         model = fit_wobble(total, node, speed, imu, tones)
     return replace(model, tones=tones, lines=others)
