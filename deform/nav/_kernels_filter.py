@@ -10,6 +10,7 @@ from numba import njit
 from deform.nav._kernels import COLUMNS, GAP, PARAMETERS, advance, correct_row, place_difference, shift_place
 from deform.nav._kernels_model import (
     SUMS,
+    bend_gap,
     lead,
     odometer_rows,
     odometer_step,
@@ -261,7 +262,10 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
             place[0], place[1], place[2] = x[0], x[1], x[2]
             shift_place(place, D[0], D[1], D[2])
             s[0], s[1], s[2] = D[0], D[1], D[2]
-        follow(x, place, v, C, s, axes, decay, follows, recalls, at)
         if fixed:
             lead_errors(dx, F, decay, follows, recalls, at, led)
+        if row[GAP] > 0.0:
+            bend_gap(row, C_now, C, P, dx)
+        follow(x, place, v, C, s, axes, decay, follows, recalls, at)
+        if fixed:
             feed_back(x, dx, at)

@@ -188,7 +188,8 @@ def stretches(problem: Problem, filtered: Filtered) -> list[Problem]:
 def _piece(problem: Problem, filtered: Filtered, first: int, last: int) -> Problem:
     epochs, travel, marks = problem.epochs, problem.travel, problem.marks
     x, P = filtered.checkpoints[first // BLOCK_EPOCHS]
-    here, x = slice(first, last), x.copy()
+    x = x.copy() if not len(problem.about) else problem.about[first].copy()  # what the filter had lost the path knows
+    here = slice(first, last)
     x[WOBBLE:TILT] = 0.0  # the wobble and what drives it
     return replace(
         problem,

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from deform.geometry import earth
 from deform.nav import _kernels_state as kernels
+from deform.nav._kernels import GAP_TURN
 from deform.nav.aiding import MarkAid
 from deform.nav.arm_tilt import tilt_per_epoch
 from deform.nav.filter import Filtered, Problem, run_forward
+from deform.nav.gaps import turned_as
 from deform.nav.noise import learn
 from deform.nav.smoother import Smoothed, smooth
 
@@ -22,7 +24,7 @@ log = logging.getLogger(__name__)
 
 CONTRADICTED = 4.5  # misclosure without the mark over its sigma beyond which a mark is gross
 NO_WEIGHT = 1e-8
-COARSE_RAD = math.radians(3.0)  # first attitude so uncertain that all is taken as linear about the smoothed path
+COARSE_RAD = math.radians(3.0)  # attitude so uncertain, at first or behind a gap, that all is linear about the smoothed path
 SETTLED_RAD, MOST_ROUNDS = math.radians(0.05), 8  # of the attitudes, beyond which a path is solved about anew
 
 
@@ -62,7 +64,8 @@ def solve(problem: Problem, arms: tuple[Floats, Floats] | None = None) -> Soluti
     worst one beyond the limit loses its weight and everything is solved anew, so that one bad mark does not condemn its
     neighbours.
     """
-    coarse = float(np.max(np.diag(problem.start.covariance)[6:9])) > COARSE_RAD**2
+    lost = float(problem.epochs.table[:, GAP_TURN].max(initial=0.0))
+    coarse = max(float(np.max(np.diag(problem.start.covariance)[6:9])), lost) > COARSE_RAD**2
     if coarse:
         problem = _about_its_path(problem)
     turned = np.empty((problem.epochs.bounds.size, 9))
@@ -141,11 +144,13 @@ def _about_its_path(problem: Problem) -> Problem:
     Notes
     -----
     Iterated smoothing (Bell 1994, SIAM J. Optim. 4, 626-636): where the first azimuth is unknown by degrees, or drifts by degrees
-    unseen between marks, the path that the filter was linear about is not the one that the marks leave.
+    unseen between marks, the path that the filter was linear about is not the one that the marks leave. Behind a gap of the
+    inertial unit, where attitude and velocity are lost together, a filter that is linear about its own estimates takes what it
+    corrects from one to the next for a force, and believes within seconds that it knows the azimuth.
     """
     for _ in range(MOST_ROUNDS):
         smoothed, before = _pass(problem)[1], problem.about
-        problem = replace(problem, about=smoothed.states)
+        problem = replace(problem, about=smoothed.states, epochs=turned_as(problem.epochs, smoothed.states, smoothed.sigma))
         if not len(before):
             continue
         turned = _most_turned(smoothed.states, before)
