@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deform.nav._kernels import GAP_TURN
 from deform.nav._kernels_filter import MOST_MARKS
 from deform.nav._kernels_state import BANDS, RESET_COURSE, RESET_DISTANCE
 from deform.nav.strapdown import Epochs
@@ -182,9 +183,11 @@ def mark_aid(epochs: Epochs, time: Floats, place: Floats, sigma: Floats, time_si
     before = np.clip(epoch - 1, 0, None)
     after = np.clip(epoch, None, len(epochs.table) - 1)
     speed = (epochs.travel[before] + epochs.travel[after]) / (epochs.duration[before] + epochs.duration[after])
-    horizontal, vertical = sigma[index, 0] ** 2, sigma[index, 1] ** 2
+    late = t - epochs.time[epoch]
+    lost = np.where(late < 0, epochs.table[before, GAP_TURN], epochs.table[after, GAP_TURN])
+    horizontal, vertical = ((speed * late) ** 2 * lost + sigma[index, c] ** 2 for c in (0, 1))  # in a gap the pipe may bend
     variance = np.column_stack([horizontal + (speed * time_sigma_s) ** 2, horizontal, vertical])
-    return MarkAid(index, epoch, place[index], variance, t - epochs.time[epoch], np.ones(index.size))
+    return MarkAid(index, epoch, place[index], variance, late, np.ones(index.size))
 
 
 def span_aid(epochs: Epochs, travel: TravelAid, known: KnownPipe) -> SpanAid:

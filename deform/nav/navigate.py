@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from deform.nav import odometer, product
+from deform.nav import gaps, odometer, product
 from deform.nav.aiding import RIDE_DENSITY, WOBBLE_DENSITY, KnownPipe, TravelAid, mark_aid, rest_aid, span_aid, travel_aid
 from deform.nav.alignment import align
 from deform.nav.arm_tilt import ring_centres
@@ -111,7 +111,7 @@ def navigate(
     with ThreadPoolExecutor(1) as beside:  # the backward run and the trajectory need nothing of each other
         backward = beside.submit(agreement, solution.problem, solution.filtered, solution.smoothed)
         line = product.trajectory_dataset(raw, counts, solution, wheels, options)
-        checks = Checks(second_path(solution), backward.result())
+        checks = Checks(second_path(solution), backward.result(), gaps.remarks(solution.problem.epochs))
     for remark in checks.remarks:
         log.warning("run %s: %s", raw.id, remark)
     remarks = _mark_remarks(solution, passages, raw.id)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,11 +31,12 @@ class Checks:
 
     second: SecondPath
     backward: Agreement
+    gaps: Sequence[str] = ()
 
     @property
     def remarks(self) -> list[str]:
-        """What contradicts the trajectory, in words."""
-        return [text for text in (self.second.remark(), self.backward.remark()) if text]
+        """What contradicts the trajectory, or is hidden from it, in words."""
+        return [text for text in (self.second.remark(), self.backward.remark(), *self.gaps) if text]
 
 
 MOST_EPOCHS = 20_000  # rows of the diagnostics

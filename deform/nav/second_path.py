@@ -12,6 +12,7 @@ from scipy.linalg import expm
 from deform.geometry import earth
 from deform.geometry.rotation import matrix_to_attitude
 from deform.nav import _kernels_state as kernels
+from deform.nav._kernels import GAP_BOW, GAP_TRAVEL
 from deform.nav.dead_reckoning import Reckoning, dead_reckon
 from deform.nav.error_model import ErrorModel
 from deform.nav.marks import correct_between_marks
@@ -59,8 +60,9 @@ def second_path(solution: Solution) -> SecondPath:
     From the smoothed first attitude, mounting, sag and scale, then by gyros and odometer, turned and stretched between the marks
     that carry weight (iterated there until it meets them): nothing of the accelerometers after the first attitude. Its sigma
     away from the marks: the wobble as a random walk that both marks hold, the odometer's noise alike, the gyros' drift and random
-    walk as the bow that is left when both ends are met, their scale by the turn between the marks; outside the outer marks all of
-    them grow freely. Sigmas of marks and of the smoothed path are added.
+    walk as the bow that is left when both ends are met, their scale by the turn between the marks, the bow of gaps between them
+    (the turn over a gap is that of the smoothed path); outside the outer marks all of them grow freely.
+    Sigmas of marks and of the smoothed path are added.
 
     References
     ----------
@@ -105,6 +107,7 @@ def _degrees(places: Floats) -> tuple[Floats, Floats, Floats]:
 def _sigma(solution: Solution, reckoned: Reckoning, epoch: NDArray[np.int64]) -> Floats:
     problem, model = solution.problem, solution.problem.model
     travel = np.concatenate([[0.0], np.cumsum(np.abs(problem.epochs.travel))])
+    bowed = problem.epochs.table[:, GAP_TRAVEL] ** 2 * problem.epochs.table[:, GAP_BOW] / 12.0
     noise = np.concatenate([[0.0], np.cumsum(problem.travel.variance[:, 0])])
     turned = np.unwrap(np.radians(matrix_to_attitude(reckoned.attitudes)[0]))
     turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turned)))])
@@ -116,8 +119,9 @@ def _sigma(solution: Solution, reckoned: Reckoning, epoch: NDArray[np.int64]) ->
     bow = 0.5 * drift * speed * _product(before, behind)
     bend = np.sqrt(model.walk[6] / 3.0) * speed * _product(before, behind) / np.sqrt(_sum(before, behind))
     away = _held(*_to_marks(travel, epoch))
+    bent = _sum(*_to_marks(np.concatenate([[0.0], np.cumsum(bowed)]), epoch))
     twist = scale * _sum(*_to_marks(turned, epoch)) * away
-    across = density * away + swung(model, away) + bow**2 + bend**2 + twist**2
+    across = density * away + bent + swung(model, away) + bow**2 + bend**2 + twist**2
     along = _held(*_to_marks(noise, epoch))
     mark = float(problem.marks.variance.max(initial=0.0))
     if epoch.size < 2:  # nothing holds the path: the first attitude turns it about its begin

@@ -15,6 +15,7 @@ from deform.nav._kernels import GAP_TURN
 from deform.nav.aiding import MarkAid
 from deform.nav.arm_tilt import tilt_per_epoch
 from deform.nav.filter import Filtered, Problem, run_forward
+from deform.nav.gap_path import about_reckoning
 from deform.nav.gaps import turned_as
 from deform.nav.noise import learn
 from deform.nav.smoother import Smoothed, smooth
@@ -66,6 +67,8 @@ def solve(problem: Problem, arms: tuple[Floats, Floats] | None = None) -> Soluti
     """
     lost = float(problem.epochs.table[:, GAP_TURN].max(initial=0.0))
     coarse = max(float(np.max(np.diag(problem.start.covariance)[6:9])), lost) > COARSE_RAD**2
+    if lost > COARSE_RAD**2:
+        problem = about_reckoning(problem)
     if coarse:
         problem = _about_its_path(problem)
     turned = np.empty((problem.epochs.bounds.size, 9))
