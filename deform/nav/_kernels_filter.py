@@ -38,6 +38,7 @@ from deform.nav._kernels_wobble import drive_wobble, follow_rows, lead_errors, s
 
 MOST_MARKS = 3  # at one bound; `aiding.mark_aid` hands on no more
 MOST_SCALARS = 6 + 3 * MOST_MARKS  # scalar measurements at one bound: a joint, an azimuth, 3 of each mark, 3 of travel, a rest
+SLANT = 0.02  # radian: what wheels lose by a slip is missing aslant of the tool, too
 OTHER = -1.0  # kind of a measurement that is none of the travel's three components
 
 
@@ -172,6 +173,9 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
     ``news`` (epoch, 3) takes the innovations of the travel along, right, up over their sigma, ``mark_news`` (mark, 6) those of
     the marks along, across, up and their variances. ``score`` (3,) gathers the log-likelihood of the travel's innovations, those
     beyond the gate by the tails of Huber's density; ``turned`` (bound, 9), when it has rows, the attitudes.
+
+    Where the wheels slip the displacement across the tool counts little: it is the angle between pipe and tool times the way, and
+    the filter would take the lost way for a turn of the pipe, and its own part of that angle for known.
     """
     table, speeds, tilts, R = travel
     joint, straight, begins, resting = span
@@ -214,6 +218,7 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
             s[0], s[1], s[2] = advance(row, x[0:3], x[3:6], C_now, place, v, C)
             odometer_rows(row, x, at, axes, change, tilt, D, J)
             lead(row, x, at, False, axes, J, F)
+            aslant = 0.0
             for c in range(3):
                 if R[k, c] <= 0.0:
                     news[k, c] = np.nan
@@ -223,7 +228,9 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
                     H[j] = axes[c, 0] * (F[0, j] - J[0, j]) + axes[c, 1] * (F[1, j] - J[1, j]) + axes[c, 2] * (F[2, j] - J[2, j])
                 for j in range(3):
                     H[j] = 0.0
-                innovation, variance, expected = scalar_update(P, dx, H, z, R[k, c], gate, K)
+                innovation, variance, expected = scalar_update(P, dx, H, z, R[k, c] + aslant, gate, K)
+                if c == 0 and gate > 0.0 and innovation * innovation > gate * gate * expected:
+                    aslant = (SLANT * innovation) ** 2
                 size = abs(innovation) / math.sqrt(expected)
                 news[k, c] = innovation / math.sqrt(expected)
                 square = size * size if gate <= 0.0 or size < gate else gate * (2.0 * size - gate)

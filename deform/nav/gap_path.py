@@ -86,10 +86,10 @@ def turns_to_marks(problem: Problem, steps: Floats, at: NDArray[np.int64], prior
         c, s = np.cos(heading), np.sin(heading)
         e, n = c * parts[:, 0] - s * parts[:, 1], s * parts[:, 0] + c * parts[:, 1]
         path = np.column_stack([np.bincount(way, v, new.size) for v in (e, n)])
-        J = np.zeros((2, new.size, at.size))
+        slopes = np.zeros((2, new.size, at.size))
         for axis, slope in enumerate((-n, e)):
-            np.add.at(J[axis], way, slope[:, None] * behind)
-        J, miss, noise = J.reshape(-1, at.size), (wanted - path).T.ravel(), np.tile(R / weight, 2)
+            np.add.at(slopes[axis], way, slope[:, None] * behind)
+        J, miss, noise = slopes.reshape(-1, at.size), (wanted - path).T.ravel(), np.tile(R / weight, 2)
         found = prior * (J.T @ np.linalg.solve(J * prior @ J.T + np.diag(noise), miss + J @ turns))
         moved, turns = np.abs(found - turns).max(), found
         weight = np.minimum(1.0, HUBER / np.maximum(np.hypot(*(wanted - path).T) / np.sqrt(R), 1e-9))

@@ -24,6 +24,7 @@ from deform.nav.profile import Profile
 from deform.nav.reverse import agreement
 from deform.nav.sanity import check_motion
 from deform.nav.second_path import second_path
+from deform.nav.slips import SlipsSeen
 from deform.nav.solution import Solution, solve
 from deform.nav.strapdown import Counts, Epochs, epoch_bounds, preintegrate
 from deform.options import NavigationOptions
@@ -111,7 +112,9 @@ def navigate(
     with ThreadPoolExecutor(1) as beside:  # the backward run and the trajectory need nothing of each other
         backward = beside.submit(agreement, solution.problem, solution.filtered, solution.smoothed)
         line = product.trajectory_dataset(raw, counts, solution, wheels, options)
-        checks = Checks(second_path(solution), backward.result(), gaps.remarks(solution.problem.epochs))
+        slips = SlipsSeen.of(solution)
+        hidden = gaps.remarks(solution.problem.epochs)
+        checks = Checks(second_path(solution, slips.epochs), backward.result(), slips, hidden)
     for remark in checks.remarks:
         log.warning("run %s: %s", raw.id, remark)
     remarks = _mark_remarks(solution, passages, raw.id)

@@ -176,7 +176,7 @@ def _alive(knots: _Knots, remarks: list[str]) -> Floats:
     dead = np.flatnonzero(total <= 0.05 * total.max())
     remarks += [f"wheel {i} is dead: {total[i]:.1f} m against {total.max():.1f} m of the others; it is left out" for i in dead]
     if alive.size == 1:
-        remarks.append(f"only wheel {alive[0]} works: slips cannot be seen")
+        remarks.append(f"only wheel {alive[0]} works: only the inertial unit sees its slips")
     return alive
 
 

@@ -17,6 +17,7 @@ from deform.nav.dead_reckoning import Reckoning, dead_reckon
 from deform.nav.error_model import ErrorModel
 from deform.nav.marks import correct_between_marks
 from deform.nav.solution import Solution
+from deform.nav.strapdown import Epochs
 
 Floats = NDArray[np.float64]
 log = logging.getLogger(__name__)
@@ -52,8 +53,13 @@ class SecondPath:
         )
 
 
-def second_path(solution: Solution) -> SecondPath:
+def second_path(solution: Solution, epochs: Epochs) -> SecondPath:
     """Return dead reckoning through the marks beside the smoothed path.
+
+    Parameters
+    ----------
+    solution : final.
+    epochs : of its problem, with the way that slipped wheels lost (`slips.SlipsSeen`).
 
     Notes
     -----
@@ -71,7 +77,7 @@ def second_path(solution: Solution) -> SecondPath:
     problem, states = solution.problem, solution.smoothed.states
     first = states[0]
     mounting = np.array([first[kernels.MOUNTING], 1.0, first[kernels.MOUNTING + 1]])
-    reckoned = dead_reckon(problem.epochs, first[:3], first[6:15].reshape(3, 3), mounting, 1.0 + first[kernels.SCALE])
+    reckoned = dead_reckon(epochs, first[:3], first[6:15].reshape(3, 3), mounting, 1.0 + first[kernels.SCALE])
     use = problem.marks.weight > 0.5
     use &= np.concatenate([[True], np.diff(problem.marks.epoch) > 0])
     epoch = problem.marks.epoch[use]
