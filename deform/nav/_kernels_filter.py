@@ -43,8 +43,10 @@ OTHER = -1.0  # kind of a measurement that is none of the travel's three compone
 
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
-def scalar_update(P, dx, H, z, R, gate, K):
+def scalar_update(P, dx, H, z, R, gate, K, far=3.0):
     """One scalar measurement z = H dx + noise, in Joseph's form; beyond ``gate`` sigma its variance grows with the innovation.
+
+    It pulls by ``gate`` sigma up to ``far`` times the gate (Huber), and by less the farther out it lies beyond that.
 
     Returns the innovation, its variance as used, its variance before any growth. K is filled with the gain.
 
@@ -63,7 +65,7 @@ def scalar_update(P, dx, H, z, R, gate, K):
         innovation -= H[j] * dx[j]
     expected = s
     if gate > 0.0 and innovation * innovation > gate * gate * s:
-        s = abs(innovation) * math.sqrt(s) / gate if abs(innovation) < 3.0 * gate * math.sqrt(s) else innovation * innovation
+        s = abs(innovation) * math.sqrt(s) / gate if abs(innovation) < far * gate * math.sqrt(s) else innovation * innovation
         s = max(s, expected)
     root = math.sqrt(s)
     for i in range(n):
@@ -161,7 +163,8 @@ def keep_azimuth(P, dx, C, after, F, variance, gate, buffers, b, used, H, K):
 def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, mark_news, score, turned, about):
     """Filter the bounds ``first`` ... ``last``; x and P, the state before the first's measurements, are led on behind the last.
 
-    travel : table of epochs, speeds at the bounds, tilt of the arms and variances of the displacement (epoch, 3), 0 for none.
+    travel : table of epochs, speeds at the bounds, tilt of the arms, variances of the displacement (epoch, 3), 0 for none, and
+        how far out a displacement along pulls in full (`scalar_update`).
     mark : bound, place, variance along, across, up, and lateness of each mark.
     span : (bound, 2) length of the joint that ends there (NaN for none) and its variance; (bound,) variance of the azimuth of a
         straight stretch, 0 for none; (bound,) flags of what begins anew; (epoch,) variance of the turn about up at rest.
@@ -177,7 +180,7 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
     Where the wheels slip the displacement across the tool counts little: it is the angle between pipe and tool times the way, and
     the filter would take the lost way for a turn of the pipe, and its own part of that angle for known.
     """
-    table, speeds, tilts, R = travel
+    table, speeds, tilts, R, far = travel
     joint, straight, begins, resting = span
     at, reckoned, walk, travel_walk, tau, reach, steady, unknown = noise
     keep, fixed = buffers[2].size > 0, about.shape[0] > 0
@@ -228,7 +231,7 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
                     H[j] = axes[c, 0] * (F[0, j] - J[0, j]) + axes[c, 1] * (F[1, j] - J[1, j]) + axes[c, 2] * (F[2, j] - J[2, j])
                 for j in range(3):
                     H[j] = 0.0
-                innovation, variance, expected = scalar_update(P, dx, H, z, R[k, c] + aslant, gate, K)
+                innovation, variance, expected = scalar_update(P, dx, H, z, R[k, c] + aslant, gate, K, far if c == 0 else 3.0)
                 if c == 0 and gate > 0.0 and innovation * innovation > gate * gate * expected:
                     aslant = (SLANT * innovation) ** 2
                 size = abs(innovation) / math.sqrt(expected)

@@ -130,7 +130,8 @@ def aid_of(epochs: Epochs, profile: Profile, across: float = RIDE_DENSITY) -> Tr
     """Return the travel measurements of the epochs by the odometer's profile."""
     speed, sigma, still = profile.per_epoch(epochs.time)
     single = Epochs(np.arange(epochs.bounds.size), epochs.time, epochs.table)  # one sample an epoch
-    return travel_aid(single, speed, np.append(0.0, sigma), np.append(False, still), across)
+    doubt = profile.mean_per_epoch(profile.doubt, epochs.time)
+    return travel_aid(single, speed, np.append(0.0, sigma), np.append(False, still), across, doubt, profile.lone)
 
 
 def counts_of(raw: RawRun) -> Counts:

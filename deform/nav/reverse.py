@@ -92,7 +92,8 @@ def reversed_problem(problem: Problem, end: Floats, variance: Floats) -> Problem
         epochs=reversed_epochs(problem.epochs),
         travel=replace(travel, speeds=-travel.speeds[::-1], variance=travel.variance[::-1].copy(),
                        stationary=travel.stationary[::-1],
-                       along_shape=travel.along_shape[::-1], travel=travel.travel[::-1], tilt=travel.tilt[::-1].copy()),
+                       along_shape=travel.along_shape[::-1], doubt=travel.doubt[::-1],
+                       travel=travel.travel[::-1], tilt=travel.tilt[::-1].copy()),
         marks=replace(marks, index=marks.index[::-1], epoch=(n - marks.epoch[::-1]).copy(), place=marks.place[::-1].copy(),
                       variance=marks.variance[::-1], late=-marks.late[::-1], weight=marks.weight[::-1]),
         spans=SpanAid(resting=problem.spans.resting[::-1].copy()),  # the backward run checks the forward one without the others

@@ -14,6 +14,7 @@ from deform.nav import _kernels_state as kernels
 from deform.nav._kernels import GAP_TURN
 from deform.nav.aiding import MarkAid
 from deform.nav.arm_tilt import tilt_per_epoch
+from deform.nav.error_model import SCALE_WALK
 from deform.nav.filter import Filtered, Problem, run_forward
 from deform.nav.gap_path import about_reckoning
 from deform.nav.gaps import turned_as
@@ -25,6 +26,8 @@ log = logging.getLogger(__name__)
 
 CONTRADICTED = 4.5  # misclosure without the mark over its sigma beyond which a mark is gross
 NO_WEIGHT = 1e-8
+WANDERS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # of a lone wheel's scale, against the usual one
+MARK_GATE = 4.0  # sigma beyond which the innovation of a mark counts by Huber's density
 COARSE_RAD = math.radians(3.0)  # attitude so uncertain, at first or behind a gap, that all is linear about the smoothed path
 SETTLED_RAD, MOST_ROUNDS = math.radians(0.05), 8  # of the attitudes, beyond which a path is solved about anew
 
@@ -77,6 +80,8 @@ def solve(problem: Problem, arms: tuple[Floats, Floats] | None = None) -> Soluti
         tilt = tilt_per_epoch(problem.epochs, turned.reshape(-1, 3, 3), *arms, problem.travel.stationary)
         problem = replace(problem, travel=replace(problem.travel, tilt=tilt))
     problem = learn(problem, filtered)
+    if problem.travel.lone:
+        problem = _wandering(problem)
     if coarse:
         problem = _about_its_path(problem)
     problem, filtered, smoothed = _without_gross(problem, *_pass(problem))
@@ -139,6 +144,27 @@ def _weighted(problem: Problem, mark: int, factor: float) -> Problem:
     weight = problem.marks.weight.copy()
     weight[mark] = factor
     return replace(problem, marks=problem.marks.weighted(weight))
+
+
+def _wandering(problem: Problem) -> Problem:
+    """Let the scale of a lone wheel wander by as much as makes the marks and the travel most likely.
+
+    Notes
+    -----
+    A wheel that slips by little for minutes is believed by the inertial unit, whose velocity is not known better by then. No
+    other wheel shows it; the marks do, each by its innovation. One of them that is grossly wrong counts by Huber's density, and
+    is not explained by a wander that would have to spoil all the others.
+    """
+    scores = []
+    for factor in WANDERS:
+        filtered = run_forward(replace(problem, model=problem.model.with_wander(factor * SCALE_WALK)))
+        variance = np.maximum(filtered.mark_news[:, 3:], 1e-12)
+        size = np.abs(filtered.mark_news[:, :3]) / np.sqrt(variance)
+        square = np.where(size < MARK_GATE, size**2, MARK_GATE * (2.0 * size - MARK_GATE))
+        scores.append(filtered.score.sum() - 0.5 * float(np.nansum(np.log(variance) + square)))
+    best = WANDERS[int(np.argmax(scores))]
+    log.info("scale of the lone wheel wanders by %.0e a root metre", best * SCALE_WALK)
+    return replace(problem, model=problem.model.with_wander(best * SCALE_WALK))
 
 
 def _about_its_path(problem: Problem) -> Problem:
