@@ -38,7 +38,7 @@ class TravelAid:
     travel : (epoch,) odometer distance (m).
     tilt : (epoch, 2 bands) direction of the pipe in the tool by the caliper's arms, right and up of each band of waves (radian).
     doubt : (epoch,) further variance along that the data cannot make less (m²): of a guess, of a bend unseen by opposite wheels.
-    lone : one wheel alone tells the travel.
+    lone : one wheel of a tool alone tells the travel.
     """
 
     speeds: Floats
@@ -151,7 +151,6 @@ def travel_aid(
     stationary: NDArray[np.bool_],
     across: float = RIDE_DENSITY,
     doubt: Floats | None = None,
-    lone: bool = False,
 ) -> TravelAid:
     """Return the travel measurements with variances as they are before the data have spoken (`noise.learn`).
 
@@ -160,7 +159,6 @@ def travel_aid(
     speed, speed_sigma, stationary : on the samples, from `odometer.combine`.
     across : density of the noise across the pipe (m² per m).
     doubt : (epoch,) sigma of the speed that nothing makes less (m/s).
-    lone : see `TravelAid`.
 
     Notes
     -----
@@ -178,7 +176,7 @@ def travel_aid(
     variance[epochs.gap > 0] = 0.0
     kept = np.zeros(len(travel)) if doubt is None else (doubt * seconds) ** 2
     no_tilt = np.zeros((len(travel), 2 * BANDS))
-    aid = TravelAid(speed[epochs.bounds].astype(float), variance, still, along_shape, travel, no_tilt, kept, lone)
+    aid = TravelAid(speed[epochs.bounds].astype(float), variance, still, along_shape, travel, no_tilt, kept)
     return aid.with_noise(1.0, across, across)
 
 

@@ -96,6 +96,8 @@ def navigate(
     model = model.with_wander(wheels.wander)
     across = RIDE_DENSITY if model.index("wobble").stop else WOBBLE_DENSITY
     travel = aid_of(epochs, wheels.profile, across)
+    # the speed of a vehicle on a road errs often and hardly slips
+    travel = replace(travel, lone=wheels.profile.lone and not corners)
     aligned = align(counts, epochs, travel, raw.header)
     check_motion(counts, wheels.profile, epochs, travel, aligned, raw.header)
     tell(0.4)
@@ -131,7 +133,7 @@ def aid_of(epochs: Epochs, profile: Profile, across: float = RIDE_DENSITY) -> Tr
     speed, sigma, still = profile.per_epoch(epochs.time)
     single = Epochs(np.arange(epochs.bounds.size), epochs.time, epochs.table)  # one sample an epoch
     doubt = profile.mean_per_epoch(profile.doubt, epochs.time)
-    return travel_aid(single, speed, np.append(0.0, sigma), np.append(False, still), across, doubt, profile.lone)
+    return travel_aid(single, speed, np.append(0.0, sigma), np.append(False, still), across, doubt)
 
 
 def counts_of(raw: RawRun) -> Counts:

@@ -29,11 +29,13 @@ class SlipsSeen:
     begin : (slip,) s.
     lost : (slip,) way by the smoothed path minus that by the wheels (m).
     epochs : those of the problem, with the way of the smoothed path where the wheels slipped.
+    lone : one wheel alone tells the travel.
     """
 
     begin: Floats
     lost: Floats
     epochs: Epochs
+    lone: bool = True
 
     @classmethod
     def of(cls, solution: Solution) -> SlipsSeen:
@@ -51,15 +53,15 @@ class SlipsSeen:
         table[here, k.TRAVEL] = way
         first = np.flatnonzero(np.diff(epochs.time[here], prepend=-np.inf) > ONE_SLIP_S)
         total = np.add.reduceat(lost * scale, first) if first.size else np.empty(0)
-        return cls(epochs.time[here[first]], total, Epochs(epochs.bounds, epochs.time, table))
+        return cls(epochs.time[here[first]], total, Epochs(epochs.bounds, epochs.time, table), solution.problem.travel.lone)
 
     def remark(self) -> str:
-        """Say what the wheels lost; empty when it is little."""
+        """Say what a lone wheel lost; empty when it is little."""
         told = self.lost > TOLD_M
-        if not told.any():
+        if not self.lone or not told.any():
             return ""
         worst = int(np.argmax(self.lost))
         return (
-            f"the wheels lost {self.lost[told].sum():.1f} m in {told.sum()} slips that only the inertial unit tells, "
+            f"the lone wheel lost {self.lost[told].sum():.1f} m in {told.sum()} slips that only the inertial unit tells, "
             f"{self.lost[worst]:.1f} m of it at t={self.begin[worst]:.1f} s: the way there is the inertial unit's"
         )

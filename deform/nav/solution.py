@@ -27,6 +27,7 @@ log = logging.getLogger(__name__)
 CONTRADICTED = 4.5  # misclosure without the mark over its sigma beyond which a mark is gross
 NO_WEIGHT = 1e-8
 WANDERS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # of a lone wheel's scale, against the usual one
+WANDER_PENALTY = 3.0  # of the logarithm of the likelihood, against more wander than usual
 MARK_GATE = 4.0  # sigma beyond which the innovation of a mark counts by Huber's density
 COARSE_RAD = math.radians(3.0)  # attitude so uncertain, at first or behind a gap, that all is linear about the smoothed path
 SETTLED_RAD, MOST_ROUNDS = math.radians(0.05), 8  # of the attitudes, beyond which a path is solved about anew
@@ -147,13 +148,14 @@ def _weighted(problem: Problem, mark: int, factor: float) -> Problem:
 
 
 def _wandering(problem: Problem) -> Problem:
-    """Let the scale of a lone wheel wander by as much as makes the marks and the travel most likely.
+    """Let the scale of a lone wheel wander by as much as makes the marks most likely.
 
     Notes
     -----
     A wheel that slips by little for minutes is believed by the inertial unit, whose velocity is not known better by then. No
     other wheel shows it; the marks do, each by its innovation. One of them that is grossly wrong counts by Huber's density, and
-    is not explained by a wander that would have to spoil all the others.
+    is not explained by a wander that would have to spoil all the others. The travel itself is not asked: its likelihood takes any
+    error of the wheel for wander, and would leave the way to the accelerometers.
     """
     scores = []
     for factor in WANDERS:
@@ -161,9 +163,9 @@ def _wandering(problem: Problem) -> Problem:
         variance = np.maximum(filtered.mark_news[:, 3:], 1e-12)
         size = np.abs(filtered.mark_news[:, :3]) / np.sqrt(variance)
         square = np.where(size < MARK_GATE, size**2, MARK_GATE * (2.0 * size - MARK_GATE))
-        scores.append(filtered.score.sum() - 0.5 * float(np.nansum(np.log(variance) + square)))
+        scores.append(-0.5 * float(np.nansum(np.log(variance) + square)) - WANDER_PENALTY * (factor > 1.0))
     best = WANDERS[int(np.argmax(scores))]
-    log.info("scale of the lone wheel wanders by %.0e a root metre", best * SCALE_WALK)
+    log.info("scale of the lone wheel wanders by %.0e a root metre; scores %s", best * SCALE_WALK, np.round(scores, 1))
     return replace(problem, model=problem.model.with_wander(best * SCALE_WALK))
 
 

@@ -76,7 +76,7 @@ def test_forward_and_backward_runs_agree_over_gaps_and_a_bend_in_one_is_told(dem
     for begin in (836.0, 1600.0, 2000.0, 2330.0, 3300.0):  # the first hides a bend of 47 degree, the fourth a marker's side
         kept &= (time < begin) | (time > begin + 5.0)
     found = navigate(replace(raw, imu=raw.imu.isel(sample=kept)))
-    assert "turns there by 46 degree within 6.9 m" in found.diagnostics.attrs["remarks"]
+    assert "turns there by 47 degree within 6.9 m" in found.diagnostics.attrs["remarks"]
     assert "forward and backward" not in found.diagnostics.attrs["remarks"]
     assert found.markers["used"].values.all()
     inside, largest = honest(found, demo)
