@@ -81,11 +81,13 @@ def solve(problem: Problem, arms: tuple[Floats, Floats] | None = None) -> Soluti
         tilt = tilt_per_epoch(problem.epochs, turned.reshape(-1, 3, 3), *arms, problem.travel.stationary)
         problem = replace(problem, travel=replace(problem.travel, tilt=tilt))
     problem = learn(problem, filtered)
-    if problem.travel.lone:
-        problem = _wandering(problem)
     if coarse:
         problem = _about_its_path(problem)
+    every = problem
     problem, filtered, smoothed = _without_gross(problem, *_pass(problem))
+    if problem.travel.lone and (problem.marks.weight <= 0.5).sum() > 1:  # one mark may be wrong; of several it is the wheel
+        problem = _wandering(every)
+        problem, filtered, smoothed = _without_gross(problem, *_pass(problem))
     return Solution(problem, filtered, smoothed, *misclosures(problem.marks, smoothed))
 
 
