@@ -25,9 +25,18 @@ GAP = 53  # s without samples inside the epoch
 SENSE = 54  # +1, or -1 for an epoch that is run through backwards in time
 TURN_BY_SHEAR = 55  # 9: the same of turns that other gyros see, Jacobian to the skew of the gyros (see `correct_row`)
 FORCE_BY_SHEAR = 64  # 15: the same of forces that other accelerometers see, Jacobian to the skew of the accelerometers
-STEADY_S = 1.0  # s before a gap, whose mean force goes on over it
+STEADY_S = 1.0  # s before and behind a gap, whose mean force levels it; that before it goes on over it
 BRIDGED_TURN, BRIDGED_PUSH = 79, 80  # variance of what bridged samples may have turned (rad²) and pushed ((m/s)²) otherwise
-COLUMNS = 81
+GAP_TRAVEL = 81  # m of the travel that lie in gaps
+GAP_TURN, GAP_BOW = (
+    82,
+    83,
+)  # variance of the turn over the gaps about each axis, and of that by which the path bows (rad²)
+GAP_EXPECTED = 84  # 3: turn that was expected over the gaps against the one in the row, rotation vector (see `gaps`)
+COLUMNS = 87
+# What a gap may hide: a pipe turns in bends of any angle, a tool rolls by turns per kilometre; at rest it settles.
+LOST_TURN, MOST_TURN = math.radians(20.0) ** 2, 1.0  # rad² per m of travel, rad² at most: any direction is as likely
+RESTING_TURN = math.radians(0.1) ** 2  # rad² per s
 PARAMETERS = 20  # biases of gyros and accelerometers, scales of both, skews of both, as `correct_row` takes them
 
 # Rows of the table of compensation K, one sensor axis per column: drift, scale, asymmetry of scale, unbalance about spin and
@@ -118,13 +127,51 @@ def steady_push(gyro, accel, gyro_pulse, accel_pulse, K, i, usual):
 
     A single sample is shaken by the ride and by welds: 0.5 m/s², held over a gap of five seconds, would be 2.5 m/s.
     """
-    s0 = s1 = s2 = 0.0
     first = max(i - max(round(STEADY_S / usual), 1), 0)
-    for j in range(first, i):
+    return mean_push(gyro, accel, gyro_pulse, accel_pulse, K, first, i, usual)
+
+
+@njit(cache=True, error_model="numpy")
+def mean_push(gyro, accel, gyro_pulse, accel_pulse, K, first, stop, usual):
+    """Mean velocity increment of the samples first ... stop - 1."""
+    s0 = s1 = s2 = 0.0
+    for j in range(first, stop):
         _, _, _, a0, a1, a2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, j, usual)
         s0, s1, s2 = s0 + a0, s1 + a1, s2 + a2
-    n = max(i - first, 1)
+    n = max(stop - first, 1)
     return s0 / n, s1 / n, s2 / n
+
+
+@njit(cache=True, error_model="numpy")
+def levelled_turn(time, gyro, accel, gyro_pulse, accel_pulse, K, i, usual, b0, b1, b2):
+    """Least turn over the gap before sample i (rotation vector) that leaves the steady force where it was before it, at b.
+
+    Gravity is nearly all of the force: pitch and roll follow it. The turn about the vertical stays zero; nothing tells it.
+    """
+    stop = i + 1
+    while stop < time.size and stop - i < max(round(STEADY_S / usual), 1) and lost_before(time, stop, usual) <= MOST_BRIDGED:
+        stop += 1
+    a0, a1, a2 = mean_push(gyro, accel, gyro_pulse, accel_pulse, K, i, stop, usual)
+    r0, r1, r2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    sine = math.sqrt(r0 * r0 + r1 * r1 + r2 * r2)
+    if sine == 0.0:
+        return 0.0, 0.0, 0.0
+    stretch = math.atan2(sine, a0 * b0 + a1 * b1 + a2 * b2) / sine
+    return stretch * r0, stretch * r1, stretch * r2
+
+
+@njit(cache=True, error_model="numpy")
+def tilted(x, y, z):
+    """Cosine of the angle by which a turn (rotation vector) takes the body's forward axis away from itself."""
+    square = x * x + y * y + z * z
+    return 1.0 - (1.0 - math.cos(math.sqrt(square))) * (x * x + z * z) / square if square > 0.0 else 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def arc_stretch(cosine):
+    """Length of a regular arc's chord over that of the mean of its end tangents, of the cosine of the angle between these."""
+    half = 0.5 * math.acos(min(max(cosine, -0.9), 1.0))
+    return math.tan(half) / half if half > 1e-6 else 1.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -159,16 +206,21 @@ def preintegrate(time, gyro, accel, gyro_pulse, accel_pulse, K, start, step, dis
             dt = time[i] - time[i - 1]
             ds, reached = -reached, travelled(time[i], start, step, distance, slope)
             ds += reached
-            lost = lost_before(time, i, usual)
+            lost, chord = lost_before(time, i, usual), ds
             g0, g1, g2, a0, a1, a2 = increments(gyro, accel, gyro_pulse, accel_pulse, K, i, dt if lost == 0 else usual)
-            if lost > MOST_BRIDGED:  # the counts of the gap are lost: the steady force goes on, the attitude stands still
-                row[GAP] += dt
+            if lost > MOST_BRIDGED:  # the counts of the gap are lost: the steady force goes on, and levels the attitude behind it
                 share = dt / usual
                 a0, a1, a2 = steady_push(gyro, accel, gyro_pulse, accel_pulse, K, i, usual)
+                r0, r1, r2 = levelled_turn(time, gyro, accel, gyro_pulse, accel_pulse, K, i, usual, a0, a1, a2)
                 a0, a1, a2 = a0 * share, a1 * share, a2 * share
                 g0 = g1 = g2 = p0 = p1 = p2 = 0.0
-                r0 = r1 = r2 = 0.0
                 d0, d1, d2 = a0, a1, a2
+                row[GAP] += dt
+                row[GAP_TRAVEL] += ds
+                chord = ds * arc_stretch(tilted(r0, r1, r2))
+                hidden = min(LOST_TURN * abs(ds), MOST_TURN) + RESTING_TURN * dt
+                row[GAP_TURN] += hidden
+                row[GAP_BOW] += hidden
             else:
                 n0, n1, n2, c0, c1, c2 = g0, g1, g2, a0, a1, a2
                 g0, g1, g2, a0, a1, a2 = bridged(lost, g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2)
@@ -186,9 +238,9 @@ def preintegrate(time, gyro, accel, gyro_pulse, accel_pulse, K, start, step, dis
                 row[ATTITUDE_TIME + 3 * j] += 0.5 * dt * R[j, 0]
                 row[ATTITUDE_TIME + 3 * j + 1] += 0.5 * dt * R[j, 1]
                 row[ATTITUDE_TIME + 3 * j + 2] += 0.5 * dt * R[j, 2]
-                row[ATTITUDE_TRAVEL + 3 * j] += 0.5 * ds * R[j, 0]
-                row[ATTITUDE_TRAVEL + 3 * j + 1] += 0.5 * ds * R[j, 1]
-                row[ATTITUDE_TRAVEL + 3 * j + 2] += 0.5 * ds * R[j, 2]
+                row[ATTITUDE_TRAVEL + 3 * j] += 0.5 * chord * R[j, 0]
+                row[ATTITUDE_TRAVEL + 3 * j + 1] += 0.5 * chord * R[j, 1]
+                row[ATTITUDE_TRAVEL + 3 * j + 2] += 0.5 * chord * R[j, 2]
                 row[TURN_BY_AXIS + 3 * j] += R[j, 0] * g0
                 row[TURN_BY_AXIS + 3 * j + 1] += R[j, 1] * g1
                 row[TURN_BY_AXIS + 3 * j + 2] += R[j, 2] * g2
@@ -208,9 +260,9 @@ def preintegrate(time, gyro, accel, gyro_pulse, accel_pulse, K, start, step, dis
                 row[ATTITUDE_TIME + 3 * j] += 0.5 * dt * R[j, 0]
                 row[ATTITUDE_TIME + 3 * j + 1] += 0.5 * dt * R[j, 1]
                 row[ATTITUDE_TIME + 3 * j + 2] += 0.5 * dt * R[j, 2]
-                row[ATTITUDE_TRAVEL + 3 * j] += 0.5 * ds * R[j, 0]
-                row[ATTITUDE_TRAVEL + 3 * j + 1] += 0.5 * ds * R[j, 1]
-                row[ATTITUDE_TRAVEL + 3 * j + 2] += 0.5 * ds * R[j, 2]
+                row[ATTITUDE_TRAVEL + 3 * j] += 0.5 * chord * R[j, 0]
+                row[ATTITUDE_TRAVEL + 3 * j + 1] += 0.5 * chord * R[j, 1]
+                row[ATTITUDE_TRAVEL + 3 * j + 2] += 0.5 * chord * R[j, 2]
             row[DURATION] += dt
             row[TRAVEL] += ds
         for j in range(9):

@@ -11,6 +11,8 @@ from deform.geometry._kernels_rotation import rotate, turn_left, turn_right
 from deform.nav._kernels import (
     COLUMNS,
     DURATION,
+    GAP,
+    GAP_EXPECTED,
     PARAMETERS,
     POSITION,
     SENSE,
@@ -20,11 +22,13 @@ from deform.nav._kernels import (
     bridged,
     correct_row,
     increments,
+    levelled_turn,
     place_difference,
     shift_place,
     steady_push,
     two_sample,
 )
+from deform.nav._kernels_state import turn_of
 from deform.run.stamps import MOST_BRIDGED, lost_before
 
 
@@ -43,6 +47,8 @@ def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, usual, table, 
         place, v, C = state[0:3], state[3:6], state[6:15].copy().reshape((3, 3))
         place_end, v_end, C_end = np.empty(3), np.empty(3), np.empty((3, 3))
         correct_row(table[k], state[15 : 15 + PARAMETERS], end)
+        if table[k, GAP] > 0.0:  # of a gap the turn that was expected; what the states have instead is left over
+            turn_left(end[TURN : TURN + 9].reshape((3, 3)), end[GAP_EXPECTED], end[GAP_EXPECTED + 1], end[GAP_EXPECTED + 2])
         advance(end, place, v, C, place_end, v_end, C_end)
         e0, e1, e2 = place_difference(following[0:3], place_end)
         u0, u1, u2 = following[3] - v_end[0], following[4] - v_end[1], following[5] - v_end[2]
@@ -52,7 +58,7 @@ def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, usual, table, 
                 D[i, j] = (
                     following[6 + 3 * i] * C_end[j, 0] + following[7 + 3 * i] * C_end[j, 1] + following[8 + 3 * i] * C_end[j, 2]
                 )
-        r0, r1, r2 = 0.5 * (D[2, 1] - D[1, 2]), 0.5 * (D[0, 2] - D[2, 0]), 0.5 * (D[1, 0] - D[0, 1])
+        r0, r1, r2 = turn_of(D)
         total = table[k, DURATION]
         row[:] = 0.0
         row[SENSE] = 1.0
@@ -75,8 +81,9 @@ def expand(time, gyro, accel, gyro_pulse, accel_pulse, K, bounds, usual, table, 
                 if lost > MOST_BRIDGED:
                     share = dt / usual
                     d0, d1, d2 = steady_push(gyro, accel, gyro_pulse, accel_pulse, K, i, usual)
+                    s0, s1, s2 = levelled_turn(time, gyro, accel, gyro_pulse, accel_pulse, K, i, usual, d0, d1, d2)
                     d0, d1, d2 = d0 * share, d1 * share, d2 * share
-                    g0 = g1 = g2 = p0 = p1 = p2 = s0 = s1 = s2 = 0.0
+                    g0 = g1 = g2 = p0 = p1 = p2 = 0.0
                 else:
                     n0, n1, n2, c0, c1, c2 = g0, g1, g2, a0, a1, a2
                     g0, g1, g2, a0, a1, a2 = bridged(lost, g0, g1, g2, a0, a1, a2, p0, p1, p2, b0, b1, b2)

@@ -10,6 +10,7 @@ from numba import njit
 from deform.nav._kernels import COLUMNS, GAP, PARAMETERS, advance, correct_row, place_difference, shift_place
 from deform.nav._kernels_model import (
     SUMS,
+    bend_gap,
     lead,
     odometer_rows,
     odometer_step,
@@ -37,12 +38,15 @@ from deform.nav._kernels_wobble import drive_wobble, follow_rows, lead_errors, s
 
 MOST_MARKS = 3  # at one bound; `aiding.mark_aid` hands on no more
 MOST_SCALARS = 6 + 3 * MOST_MARKS  # scalar measurements at one bound: a joint, an azimuth, 3 of each mark, 3 of travel, a rest
+SLANT = 0.02  # radian: what wheels lose by a slip is missing aslant of the tool, too
 OTHER = -1.0  # kind of a measurement that is none of the travel's three components
 
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
-def scalar_update(P, dx, H, z, R, gate, K):
+def scalar_update(P, dx, H, z, R, gate, K, far=3.0):
     """One scalar measurement z = H dx + noise, in Joseph's form; beyond ``gate`` sigma its variance grows with the innovation.
+
+    It pulls by ``gate`` sigma up to ``far`` times the gate (Huber), and by less the farther out it lies beyond that.
 
     Returns the innovation, its variance as used, its variance before any growth. K is filled with the gain.
 
@@ -61,7 +65,7 @@ def scalar_update(P, dx, H, z, R, gate, K):
         innovation -= H[j] * dx[j]
     expected = s
     if gate > 0.0 and innovation * innovation > gate * gate * s:
-        s = abs(innovation) * math.sqrt(s) / gate if abs(innovation) < 3.0 * gate * math.sqrt(s) else innovation * innovation
+        s = abs(innovation) * math.sqrt(s) / gate if abs(innovation) < far * gate * math.sqrt(s) else innovation * innovation
         s = max(s, expected)
     root = math.sqrt(s)
     for i in range(n):
@@ -159,7 +163,8 @@ def keep_azimuth(P, dx, C, after, F, variance, gate, buffers, b, used, H, K):
 def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, mark_news, score, turned, about):
     """Filter the bounds ``first`` ... ``last``; x and P, the state before the first's measurements, are led on behind the last.
 
-    travel : table of epochs, speeds at the bounds, tilt of the arms and variances of the displacement (epoch, 3), 0 for none.
+    travel : table of epochs, speeds at the bounds, tilt of the arms, variances of the displacement (epoch, 3), 0 for none, and
+        how far out a displacement along pulls in full (`scalar_update`).
     mark : bound, place, variance along, across, up, and lateness of each mark.
     span : (bound, 2) length of the joint that ends there (NaN for none) and its variance; (bound,) variance of the azimuth of a
         straight stretch, 0 for none; (bound,) flags of what begins anew; (epoch,) variance of the turn about up at rest.
@@ -171,8 +176,11 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
     ``news`` (epoch, 3) takes the innovations of the travel along, right, up over their sigma, ``mark_news`` (mark, 6) those of
     the marks along, across, up and their variances. ``score`` (3,) gathers the log-likelihood of the travel's innovations, those
     beyond the gate by the tails of Huber's density; ``turned`` (bound, 9), when it has rows, the attitudes.
+
+    Where the wheels slip the displacement across the tool counts little: it is the angle between pipe and tool times the way, and
+    the filter would take the lost way for a turn of the pipe, and its own part of that angle for known.
     """
-    table, speeds, tilts, R = travel
+    table, speeds, tilts, R, far = travel
     joint, straight, begins, resting = span
     at, reckoned, walk, travel_walk, tau, reach, steady, unknown = noise
     keep, fixed = buffers[2].size > 0, about.shape[0] > 0
@@ -213,6 +221,7 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
             s[0], s[1], s[2] = advance(row, x[0:3], x[3:6], C_now, place, v, C)
             odometer_rows(row, x, at, axes, change, tilt, D, J)
             lead(row, x, at, False, axes, J, F)
+            aslant = 0.0
             for c in range(3):
                 if R[k, c] <= 0.0:
                     news[k, c] = np.nan
@@ -222,7 +231,9 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
                     H[j] = axes[c, 0] * (F[0, j] - J[0, j]) + axes[c, 1] * (F[1, j] - J[1, j]) + axes[c, 2] * (F[2, j] - J[2, j])
                 for j in range(3):
                     H[j] = 0.0
-                innovation, variance, expected = scalar_update(P, dx, H, z, R[k, c], gate, K)
+                innovation, variance, expected = scalar_update(P, dx, H, z, R[k, c] + aslant, gate, K, far if c == 0 else 3.0)
+                if c == 0 and gate > 0.0 and innovation * innovation > gate * gate * expected:
+                    aslant = (SLANT * innovation) ** 2
                 size = abs(innovation) / math.sqrt(expected)
                 news[k, c] = innovation / math.sqrt(expected)
                 square = size * size if gate <= 0.0 or size < gate else gate * (2.0 * size - gate)
@@ -261,7 +272,10 @@ def forward(first, last, travel, mark, span, x, P, noise, gate, buffers, news, m
             place[0], place[1], place[2] = x[0], x[1], x[2]
             shift_place(place, D[0], D[1], D[2])
             s[0], s[1], s[2] = D[0], D[1], D[2]
-        follow(x, place, v, C, s, axes, decay, follows, recalls, at)
         if fixed:
             lead_errors(dx, F, decay, follows, recalls, at, led)
+        if row[GAP] > 0.0:
+            bend_gap(row, C_now, C, P, dx)
+        follow(x, place, v, C, s, axes, decay, follows, recalls, at)
+        if fixed:
             feed_back(x, dx, at)

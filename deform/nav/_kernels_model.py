@@ -19,6 +19,10 @@ from deform.nav._kernels import (
     FORCE_BY_AXIS,
     FORCE_BY_SHEAR,
     GAP,
+    GAP_BOW,
+    GAP_EXPECTED,
+    GAP_TRAVEL,
+    GAP_TURN,
     POSITION,
     SENSE,
     TRAVEL,
@@ -57,6 +61,7 @@ from deform.nav._kernels_state import (
     WOBBLE,
 )
 
+GAP_REACH = 0.01  # share of the travel in a gap by which the wheels, or the tool's own wobble, may mislead there
 SUMS = {"reassoc", "contract", "nsz"}  # sums may be taken in another order, nothing else: NaN and infinity keep their rules
 
 
@@ -274,8 +279,9 @@ def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R
     the wobble, and shared noise.
 
     ``walk`` variance per second, ``travel_walk`` per metre; ``tau`` correlation time and ``reach`` correlation length of a
-    Gauss-Markov state (0 = none) of variance ``steady``. ``unknown``: variance per second of gap of attitude and velocity,
-    and per radian of turn of the attitude.
+    Gauss-Markov state (0 = none) of variance ``steady``. ``unknown``: variance per second of gap of the velocity, and per radian
+    of turn of the attitude. What a gap turns the tool by is in the row; the velocity turns with it, by all that it may, and the
+    path bows by what is left of a kink anywhere in it, turn times travel over the root of twelve.
 
     A component w of the wobble is driven by a Gauss-Markov state u of the same length l: w' = (u - w) / l, u' = -u / l + noise.
     It is smooth: a tool is longer than the short waves that a Gauss-Markov state alone would have. Its covariance is
@@ -300,9 +306,9 @@ def process(row, at, walk, travel_walk, tau, reach, steady, unknown, reckoned, R
     for j in range(9):
         turn += abs(row[TURN_BY_AXIS + j])
     for i in range(3):
-        Q[6 + i] += unknown[2] * turn + unknown[0] * row[GAP] + row[BRIDGED_TURN]
-        Q[3 + i] += unknown[1] * row[GAP] + row[BRIDGED_PUSH]
-        Q[i] += (0.03 * s) ** 2 if row[GAP] > 0.0 else 0.0
+        Q[6 + i] += unknown[1] * turn + row[GAP_TURN] + row[BRIDGED_TURN]
+        Q[3 + i] += unknown[0] * row[GAP] + row[GAP_TURN] * (s / T) ** 2 + row[BRIDGED_PUSH]
+        Q[i] += row[GAP_TRAVEL] ** 2 * (row[GAP_BOW] / 12.0 + GAP_REACH**2)
         if reckoned:
             Q[i] += R[0] * axes[0, i] ** 2 + R[1] * axes[1, i] ** 2 + R[2] * axes[2, i] ** 2
 
@@ -332,6 +338,27 @@ def predict(P, F, decay, Q, W):
             P[i, j] = P[j, i] = P[i, j] * decay[i] * decay[j]
     for i in range(n):
         P[i, i] += Q[i]
+
+
+@njit(cache=True, error_model="numpy")
+def bend_gap(row, before, C, P, dx):
+    """Let the path over a gap bend with the turn of the tool in it: covariance of both, and what was expected of them into dx.
+
+    The path keeps to the mean of the directions at both ends. A turn d of the end, with C the attitude there and ``before`` that
+    at the begin, moves it by half d × (travel along the end's direction).
+    """
+    s, q = 0.5 * row[GAP_TRAVEL], row[GAP_TURN]
+    t = s * C[0, 1], s * C[1, 1], s * C[2, 1]
+    B = np.array([[0.0, t[2], -t[1]], [-t[2], 0.0, t[0]], [t[1], -t[0], 0.0]])
+    e = rotate(before, row[GAP_EXPECTED], row[GAP_EXPECTED + 1], row[GAP_EXPECTED + 2])
+    for i in range(3):
+        dx[6 + i] += e[i]
+        for j in range(3):
+            dx[i] += B[i, j] * e[j]
+            P[i, 6 + j] += q * B[i, j]
+            P[6 + j, i] += q * B[i, j]
+            for k in range(3):
+                P[i, j] += q * B[i, k] * B[j, k]
 
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)

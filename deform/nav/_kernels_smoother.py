@@ -95,7 +95,7 @@ def backward(first, last, travel, span, noise, buffers, adjoint, information, sm
     each state's process noise (Koopman 1993; Koopman and Shephard 1992), ``recalled`` (2,) to those of the lengths of the mean of
     the wobble, right and up; none when pull has no rows.
     """
-    table, speeds, tilts, R = travel
+    table, speeds, tilts, R, _ = travel
     begins = span[2]
     at, reckoned, walk, travel_walk, tau, reach, steady, unknown = noise
     xs, Ps, counts, Hs, Ks, news, offsets = buffers

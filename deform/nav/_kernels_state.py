@@ -55,18 +55,23 @@ def feed_back(x, dx, at):
 
 
 @njit(cache=True, error_model="numpy")
+def turn_of(D):
+    """Rotation vector of a matrix that turns by less than half a turn."""
+    s0, s1, s2 = 0.5 * (D[2, 1] - D[1, 2]), 0.5 * (D[0, 2] - D[2, 0]), 0.5 * (D[1, 0] - D[0, 1])
+    sine = math.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
+    angle = math.atan2(sine, 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0))
+    stretch = angle / sine if sine > 1e-12 else 1.0
+    return stretch * s0, stretch * s1, stretch * s2
+
+
+@njit(cache=True, error_model="numpy")
 def errors_from(x, base, at, dx):
     """Fill dx with the errors that `feed_back` would take into ``base`` to make it the state x."""
     dx[0], dx[1], dx[2] = place_difference(x[0:3], base[0:3])
     for i in range(3):
         dx[3 + i] = x[3 + i] - base[3 + i]
     C, B = x[MATRIX : MATRIX + 9].reshape((3, 3)), base[MATRIX : MATRIX + 9].reshape((3, 3))
-    D = C @ B.T
-    s0, s1, s2 = 0.5 * (D[2, 1] - D[1, 2]), 0.5 * (D[0, 2] - D[2, 0]), 0.5 * (D[1, 0] - D[0, 1])
-    sine = math.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
-    angle = math.atan2(sine, 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0))
-    stretch = angle / sine if sine > 1e-12 else 1.0
-    dx[6], dx[7], dx[8] = stretch * s0, stretch * s1, stretch * s2
+    dx[6], dx[7], dx[8] = turn_of(C @ B.T)
     for b in range(BLOCKS):
         if at[b] >= 0:
             for j in range(SIZE_OF[b]):

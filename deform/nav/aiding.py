@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deform.nav._kernels import GAP_TURN
 from deform.nav._kernels_filter import MOST_MARKS
 from deform.nav._kernels_state import BANDS, RESET_COURSE, RESET_DISTANCE
 from deform.nav.strapdown import Epochs
@@ -36,6 +37,8 @@ class TravelAid:
     along_shape : (epoch,) variance along from the odometer's own sigma (m²).
     travel : (epoch,) odometer distance (m).
     tilt : (epoch, 2 bands) direction of the pipe in the tool by the caliper's arms, right and up of each band of waves (radian).
+    doubt : (epoch,) further variance along that the data cannot make less (m²): of a guess, of a bend unseen by opposite wheels.
+    lone : one wheel of a tool alone tells the travel.
     """
 
     speeds: Floats
@@ -44,6 +47,16 @@ class TravelAid:
     along_shape: Floats
     travel: Floats
     tilt: Floats
+    doubt: Floats
+    lone: bool = False
+
+    @property
+    def far(self) -> float:
+        """How many times the gate a displacement along may lie out and still pull in full.
+
+        No other wheel shows the slips of a lone one. They last, and pulled for seconds the velocity would follow.
+        """
+        return 1.0 if self.lone else 3.0
 
     def with_noise(self, along: float, right: float, up: float, rest: float = REST_VARIANCE) -> TravelAid:
         """Return the aid with a factor on the variance along, densities (m² per m) right and up, a variance at rest (m²).
@@ -52,7 +65,7 @@ class TravelAid:
         """
         moving = ~self.stationary
         variance = np.full_like(self.variance, rest)
-        variance[moving, 0] = along * self.along_shape[moving] + LEAST_VARIANCE
+        variance[moving, 0] = along * self.along_shape[moving] + self.doubt[moving] + LEAST_VARIANCE
         slip = 0.02**2 * self.along_shape[moving] + LEAST_VARIANCE
         variance[moving, 1] = right * self.travel[moving] + slip
         variance[moving, 2] = up * self.travel[moving] + slip
@@ -132,7 +145,12 @@ class MarkAid:
 
 
 def travel_aid(
-    epochs: Epochs, speed: Floats, speed_sigma: Floats, stationary: NDArray[np.bool_], across: float = RIDE_DENSITY
+    epochs: Epochs,
+    speed: Floats,
+    speed_sigma: Floats,
+    stationary: NDArray[np.bool_],
+    across: float = RIDE_DENSITY,
+    doubt: Floats | None = None,
 ) -> TravelAid:
     """Return the travel measurements with variances as they are before the data have spoken (`noise.learn`).
 
@@ -140,6 +158,7 @@ def travel_aid(
     ----------
     speed, speed_sigma, stationary : on the samples, from `odometer.combine`.
     across : density of the noise across the pipe (m² per m).
+    doubt : (epoch,) sigma of the speed that nothing makes less (m/s).
 
     Notes
     -----
@@ -155,7 +174,9 @@ def travel_aid(
     along_shape = sigma**2 * seconds * np.maximum(1.0, seconds)
     variance = np.full((len(travel), 3), REST_VARIANCE)
     variance[epochs.gap > 0] = 0.0
-    aid = TravelAid(speed[epochs.bounds].astype(float), variance, still, along_shape, travel, np.zeros((len(travel), 2 * BANDS)))
+    kept = np.zeros(len(travel)) if doubt is None else (doubt * seconds) ** 2
+    no_tilt = np.zeros((len(travel), 2 * BANDS))
+    aid = TravelAid(speed[epochs.bounds].astype(float), variance, still, along_shape, travel, no_tilt, kept)
     return aid.with_noise(1.0, across, across)
 
 
@@ -182,9 +203,11 @@ def mark_aid(epochs: Epochs, time: Floats, place: Floats, sigma: Floats, time_si
     before = np.clip(epoch - 1, 0, None)
     after = np.clip(epoch, None, len(epochs.table) - 1)
     speed = (epochs.travel[before] + epochs.travel[after]) / (epochs.duration[before] + epochs.duration[after])
-    horizontal, vertical = sigma[index, 0] ** 2, sigma[index, 1] ** 2
+    late = t - epochs.time[epoch]
+    lost = np.where(late < 0, epochs.table[before, GAP_TURN], epochs.table[after, GAP_TURN])
+    horizontal, vertical = ((speed * late) ** 2 * lost + sigma[index, c] ** 2 for c in (0, 1))  # in a gap the pipe may bend
     variance = np.column_stack([horizontal + (speed * time_sigma_s) ** 2, horizontal, vertical])
-    return MarkAid(index, epoch, place[index], variance, t - epochs.time[epoch], np.ones(index.size))
+    return MarkAid(index, epoch, place[index], variance, late, np.ones(index.size))
 
 
 def span_aid(epochs: Epochs, travel: TravelAid, known: KnownPipe) -> SpanAid:

@@ -30,6 +30,7 @@ SHEAR_RAD = 1e-4  # askewness of a triad's axes that makers do not state
 SCALE_WALK = 3e-6  # of the odometer's scale per root metre, where wheels do not tell it (`nav.wheel_scale.wander`)
 LEVER_M = 1.0  # of the unit before the point that keeps to the line: the middle between a tool's cups, the rear axle of a car
 LEAN_RAD = 5e-3  # per m/s² of specific force: by how much springs and tyres, or cups, let the axis give way
+GAP_PUSH = 0.3  # m/s per root second of a gap: what the tool may gain in speed unseen
 BIAS_CORRELATION_S = 8e4  # an hour then takes a bias away by three tenths of its sigma
 
 NAVIGATED = ("position", "velocity", "attitude")
@@ -113,7 +114,7 @@ class ErrorModel:
     walk, travel_walk : (n,) variance per second, per metre.
     tau, reach : (n,) correlation time (s) and length (m), 0 for none.
     steady : (n,) steady variance of Gauss-Markov states, 0 elsewhere.
-    unknown : variance per second of gap of the attitude, of the velocity, and per radian of turn of the attitude.
+    unknown : variance per second of gap of the velocity, and per radian of turn of the attitude.
     """
 
     name: str
@@ -285,5 +286,5 @@ def assemble(name: str, blocks: Sequence[Block], reckoned: bool, header: RunHead
         first += block.size
     known = at[SLOTS["gyro_scale"]] >= 0 and at[SLOTS["gyro_shear"]] >= 0
     turn = 0.0 if known else 3.0 * max(imu.gyro_scale_ppm * 1e-6, SHEAR_RAD)  # radian per root radian
-    unknown = np.array([math.radians(2.0) ** 2, 0.1**2, turn**2])
+    unknown = np.array([GAP_PUSH**2, turn**2])
     return ErrorModel(name, tuple(blocks), reckoned, at, variance, walk, travel_walk, tau, reach, steady, unknown)

@@ -51,7 +51,7 @@ class Problem:
     @property
     def moves(self) -> tuple:
         """Epochs and the travel in them, as the kernels take them."""
-        return self.epochs.table, self.travel.speeds, self.travel.tilt, self.travel.variance
+        return self.epochs.table, self.travel.speeds, self.travel.tilt, self.travel.variance, self.travel.far
 
 
 @dataclass(frozen=True)

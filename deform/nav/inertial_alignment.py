@@ -108,7 +108,7 @@ def record(epochs: Epochs, aid: TravelAid) -> Record:
     gained = np.cumsum(force, axis=0) - force
     gained -= np.repeat(gained[first], np.diff(np.append(first, n)), axis=0)
     across = WOBBLE_DENSITY * aid.travel[:n] + REST_SIGMA_M**2
-    variance = np.column_stack([across, aid.along_shape[:n] + REST_SIGMA_M**2, across])
+    variance = np.column_stack([across, aid.along_shape[:n] + aid.doubt[:n] + REST_SIGMA_M**2, across])
     variance[stationary] = REST_SIGMA_M**2
     lost = np.logical_or.reduceat(epochs.gap > 0, first)
     kept = body[np.append(first, n)]

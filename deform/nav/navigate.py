@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from deform.nav import odometer, product
+from deform.nav import gaps, odometer, product
 from deform.nav.aiding import RIDE_DENSITY, WOBBLE_DENSITY, KnownPipe, TravelAid, mark_aid, rest_aid, span_aid, travel_aid
 from deform.nav.alignment import align
 from deform.nav.arm_tilt import ring_centres
@@ -24,6 +24,7 @@ from deform.nav.profile import Profile
 from deform.nav.reverse import agreement
 from deform.nav.sanity import check_motion
 from deform.nav.second_path import second_path
+from deform.nav.slips import SlipsSeen
 from deform.nav.solution import Solution, solve
 from deform.nav.strapdown import Counts, Epochs, epoch_bounds, preintegrate
 from deform.options import NavigationOptions
@@ -95,6 +96,8 @@ def navigate(
     model = model.with_wander(wheels.wander)
     across = RIDE_DENSITY if model.index("wobble").stop else WOBBLE_DENSITY
     travel = aid_of(epochs, wheels.profile, across)
+    # the speed of a vehicle on a road errs often and hardly slips
+    travel = replace(travel, lone=wheels.profile.lone and not corners)
     aligned = align(counts, epochs, travel, raw.header)
     check_motion(counts, wheels.profile, epochs, travel, aligned, raw.header)
     tell(0.4)
@@ -111,7 +114,9 @@ def navigate(
     with ThreadPoolExecutor(1) as beside:  # the backward run and the trajectory need nothing of each other
         backward = beside.submit(agreement, solution.problem, solution.filtered, solution.smoothed)
         line = product.trajectory_dataset(raw, counts, solution, wheels, options)
-        checks = Checks(second_path(solution), backward.result())
+        slips = SlipsSeen.of(solution)
+        hidden = gaps.remarks(solution.problem.epochs)
+        checks = Checks(second_path(solution, slips.epochs), backward.result(), slips, hidden)
     for remark in checks.remarks:
         log.warning("run %s: %s", raw.id, remark)
     remarks = _mark_remarks(solution, passages, raw.id)
@@ -127,7 +132,8 @@ def aid_of(epochs: Epochs, profile: Profile, across: float = RIDE_DENSITY) -> Tr
     """Return the travel measurements of the epochs by the odometer's profile."""
     speed, sigma, still = profile.per_epoch(epochs.time)
     single = Epochs(np.arange(epochs.bounds.size), epochs.time, epochs.table)  # one sample an epoch
-    return travel_aid(single, speed, np.append(0.0, sigma), np.append(False, still), across)
+    doubt = profile.mean_per_epoch(profile.doubt, epochs.time)
+    return travel_aid(single, speed, np.append(0.0, sigma), np.append(False, still), across, doubt)
 
 
 def counts_of(raw: RawRun) -> Counts:

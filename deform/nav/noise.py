@@ -32,6 +32,7 @@ SHORTER = (0.3, 0.1, 0.03)  # of the wobble's mean: parts of its length at which
 # Noise of the velocity within an epoch moves the tool as well, and the filter lets it begin at the epoch's end; errors of a wheel
 # last longer than an epoch. A noise of the displacement below these parts of the usual one would stand for these only.
 LEAST_PART, LEAST_ALONG = 0.08, 0.04
+LEAST_LONE = 4e-4  # the same of a lone wheel, whose usual noise is that of slips: two parts in 10,000 of the way, hardly less
 LEAST_MEAN_M = 10.0  # a shorter mean would only be one more shape of the components
 
 # What is expected of a tool: spreads of logarithms of powers and variances before the data have spoken
@@ -110,7 +111,8 @@ def learn(problem: Problem, filtered: Filtered) -> Problem:
         return problem
     buffers = [Buffers.of(problem.model.size, p.epochs.bounds.size) for p in parts]
     usual = Noise.usual().logs
-    part = np.repeat([0.0, LEAST_PART, LEAST_ALONG, 0.0, LEAST_PART, LEAST_MEAN_M / MEAN_M], [2 * WAVES, 2, 1, 2, 1, 2])
+    least_along = LEAST_LONE if problem.travel.lone else LEAST_ALONG
+    part = np.repeat([0.0, LEAST_PART, least_along, 0.0, LEAST_PART, LEAST_MEAN_M / MEAN_M], [2 * WAVES, 2, 1, 2, 1, 2])
     with np.errstate(divide="ignore"):
         least = usual + np.log(part)
     x, used, settled, probed = usual.copy(), [np.zeros((0, 3), bool)] * len(parts), False, False
@@ -188,13 +190,15 @@ def stretches(problem: Problem, filtered: Filtered) -> list[Problem]:
 def _piece(problem: Problem, filtered: Filtered, first: int, last: int) -> Problem:
     epochs, travel, marks = problem.epochs, problem.travel, problem.marks
     x, P = filtered.checkpoints[first // BLOCK_EPOCHS]
-    here, x = slice(first, last), x.copy()
+    x = x.copy() if not len(problem.about) else problem.about[first].copy()  # what the filter had lost the path knows
+    here = slice(first, last)
     x[WOBBLE:TILT] = 0.0  # the wobble and what drives it
     return replace(
         problem,
         epochs=Epochs(epochs.bounds[first : last + 1], epochs.time[first : last + 1], epochs.table[here]),
         travel=replace(travel, speeds=travel.speeds[first : last + 1], variance=travel.variance[here],
-                       stationary=travel.stationary[here], along_shape=travel.along_shape[here], travel=travel.travel[here],
+                       stationary=travel.stationary[here], along_shape=travel.along_shape[here], doubt=travel.doubt[here],
+                       travel=travel.travel[here],
                        tilt=travel.tilt[here]),
         marks=marks.only(np.zeros(marks.epoch.size, bool)),
         spans=SpanAid(),

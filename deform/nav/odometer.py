@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from deform.errors import Fault, InputError
 from deform.geometry.resample import robust_sigma
@@ -30,6 +31,7 @@ _BEND_SLACK = 0.2  # share of turning rate × radius by which a wheel may fall b
 _LONE_WHEEL_SIGMA = 0.02  # share of the speed that a slip may take unseen when only one wheel is left
 _SPEED_MODEL_SIGMA = 5e-4  # share of the speed: ride over wall roughness, seen as spread of wheels of one set
 _MOST_BLOCKS = 20_000  # seconds that scales and arms are adjusted to: more of them tell nothing new
+_BEND_S = 1.0  # over which the turn of a bend is told from the wobble of the tool
 _QUIET_S = 0.5  # no pulse for this long before and after, and a quiet IMU, is a stop
 
 
@@ -122,7 +124,9 @@ def combine(raw: RawRun, options: NavigationOptions | None = None) -> OdometerSo
     mean, n_good, spread = _fused(step, good)
     stalls, lag = _stalls(knots, mean, good, doubts)
     still = _still(knots, stalls)
-    distance, slope, sigma = _profile(knots, mean, n_good, spread, lag, float(raw.odometer.attrs["pulse_m"]))
+    distance, slope, sigma = _profile(knots, mean, n_good, spread, float(raw.odometer.attrs["pulse_m"]))
+    guess = np.where(lag > 0.0, np.sqrt(slope**2 + (0.05 * lag) ** 2 + 0.1**2), 0.0)
+    open_speed = np.hypot(guess, _bend_doubt(knots, raw, distance)) if alive.size == 1 else guess
     slips = _slips(knots, step, good, mean, alive, stalls)
     wheels = raw.odometer.sizes["wheel"]
     if slips:
@@ -132,7 +136,7 @@ def combine(raw: RawRun, options: NavigationOptions | None = None) -> OdometerSo
     for remark in remarks:
         _log.info("odometer of %s: %s", raw.id, remark)
     return OdometerSolution(
-        Profile(knots.start, knots.step, distance, slope, sigma, still),
+        Profile(knots.start, knots.step, distance, slope, sigma, still, open_speed, alive.size == 1),
         raw.imu["time"].values,
         wheel_scale=_spread_out(scale, alive, wheels),
         wheel_scale_sigma=_spread_out(scale_sigma, alive, wheels),
@@ -176,7 +180,7 @@ def _alive(knots: _Knots, remarks: list[str]) -> Floats:
     dead = np.flatnonzero(total <= 0.05 * total.max())
     remarks += [f"wheel {i} is dead: {total[i]:.1f} m against {total.max():.1f} m of the others; it is left out" for i in dead]
     if alive.size == 1:
-        remarks.append(f"only wheel {alive[0]} works: slips cannot be seen")
+        remarks.append(f"only wheel {alive[0]} works: only the inertial unit sees its slips")
     return alive
 
 
@@ -324,9 +328,21 @@ def _stretches(flags: Floats) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
-def _profile(
-    knots: _Knots, mean: Floats, n_good: Floats, spread: Floats, lag: Floats, pulse: float
-) -> tuple[Floats, Floats, Floats]:
+def _bend_doubt(knots: _Knots, raw: RawRun, distance: Floats) -> Floats:
+    """Sigma of the speed (m/s) of a lone wheel in bends: turning rate × radius, at whatever clock it runs.
+
+    The turn is that of the inertial unit when it was where the wheel is, over `_BEND_S` before and after; wobble is slower.
+    """
+    turn = _kernels_path.turn_at_wheels(knots.turn, distance, float(raw.header.odometer.lever_arm_m[1]))
+    reach = max(round(_BEND_S / knots.step), 1)
+    at = np.arange(distance.size)
+    turned = turn[np.minimum(at + reach, at[-1])] - turn[np.maximum(at - reach, 0)]
+    rate = np.hypot(turned[:, 0], turned[:, 1]) / (2.0 * reach * knots.step)
+    radius = 0.5 * raw.header.pipe.outside_diameter_m
+    return radius / np.sqrt(2.0) * maximum_filter1d(rate, 2 * reach + 1)
+
+
+def _profile(knots: _Knots, mean: Floats, n_good: Floats, spread: Floats, pulse: float) -> tuple[Floats, Floats, Floats]:
     """Distance, speed and its sigma at the knots; the steps of the counts are smoothed over three knots."""
     distance = np.cumsum(mean)
     inner = 0.25 * distance[:-2] + 0.5 * distance[1:-1] + 0.25 * distance[2:]
@@ -339,7 +355,6 @@ def _profile(
     quantum = pulse / np.sqrt(12.0) * np.sqrt(2.0) / (2.0 * knots.step)
     variance = (quantum**2 + disagreement**2 / 8.0) / wheels + (_SPEED_MODEL_SIGMA * slope) ** 2
     variance += np.where(n_good <= 1, (_LONE_WHEEL_SIGMA * slope) ** 2, 0.0)
-    variance += np.where(lag > 0.0, slope**2 + (0.05 * lag) ** 2 + 0.1**2, 0.0)
     return distance, slope, np.sqrt(variance)
 
 

@@ -16,6 +16,7 @@ from deform.geometry.earth import radii
 from deform.geometry.resample import MAD_TO_SIGMA, box_average, interpolate
 from deform.geometry.rotation import attitude_to_matrix
 from deform.nav import _kernels_path
+from deform.nav.gaps import Unseen
 from deform.nav.wobble import Wobble, WobbleModel, gyro_walk, turn_sigma
 from deform.nav.wobble_fit import fit_departure
 from deform.run.raw import RunHeader
@@ -44,6 +45,7 @@ class PipeDirection:
     ----------
     azimuth, pitch : shape (n,).
     azimuth_sigma, pitch_sigma : of the direction itself.
+    unseen : stretches in which the inertial unit recorded nothing.
     turn_sigma : (2, lag) sigma of the turn between two places `TURN_LAGS_M` apart, horizontal (times cos pitch) and vertical.
     mounting : (right, up) of the pipe's direction in the body frame (degree): constant misalignment of the IMU.
     sag : (right, up) in the level frame (degree): how the tool lies in the pipe on the mean.
@@ -54,6 +56,7 @@ class PipeDirection:
     azimuth_sigma: Floats
     pitch_sigma: Floats
     turn_sigma: Floats
+    unseen: Unseen
     mounting: tuple[float, float]
     sag: tuple[float, float]
 
@@ -89,15 +92,19 @@ def direction_along(
     """
     azimuth, pitch, roll = (np.radians(trajectory[a].values) for a in ("azimuth", "pitch", "roll"))
     azimuth, pitch = _turned(azimuth, pitch, roll, (0.0, 0.0))
+    unseen = Unseen.of(trajectory["time"].values, travel, azimuth, pitch)
     known = "latitude" in trajectory and travel.size > 10
     mounting, sag = (0.0, 0.0), (0.0, 0.0)
     zero = np.zeros(grid.size)
     wobble = [Wobble.absent(grid.size, TURN_LAGS_M.size)] * 2
     if known:
-        apart = _apart(trajectory, azimuth, pitch)
+        apart = unseen.bridged(travel, _apart(trajectory, azimuth, pitch))
         mounting, sag = _constants(travel, apart, roll)
         azimuth, pitch = _turned(azimuth, pitch, roll, mounting)
-        apart = _apart(trajectory, azimuth, pitch) - np.array(sag) * np.diff(travel, prepend=travel[0])[:, None]
+        apart = (
+            unseen.bridged(travel, _apart(trajectory, azimuth, pitch))
+            - np.array(sag) * np.diff(travel, prepend=travel[0])[:, None]
+        )
     step = float(grid[1] - grid[0])
     tool = azimuth, pitch
     azimuth, pitch = _on_grid(grid, travel, azimuth, step), _on_grid(grid, travel, pitch, step)
@@ -118,12 +125,14 @@ def direction_along(
         interpolate(grid, travel, trajectory[f"{a}_sigma"].values) if f"{a}_sigma" in trajectory else zero
         for a in ("azimuth", "pitch")
     ]
+    hidden = np.degrees(np.sqrt(unseen.variances(grid)[0]))
     return PipeDirection(
         np.degrees(azimuth - (wobble[0].value + sag[0]) / level) % 360.0,
         np.degrees(pitch - wobble[1].value - sag[1]),
-        np.hypot(error[0], np.degrees(wobble[0].sigma) / level),
-        np.hypot(error[1], np.degrees(wobble[1].sigma)),
+        np.hypot(np.hypot(error[0], np.degrees(wobble[0].sigma) / level), hidden / level),
+        np.hypot(np.hypot(error[1], np.degrees(wobble[1].sigma)), hidden),
         np.degrees(np.stack([w.turn_sigma for w in wobble])),
+        unseen,
         (math.degrees(mounting[0]), math.degrees(mounting[1])),
         (math.degrees(sag[0]), math.degrees(sag[1])),
     )

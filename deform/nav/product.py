@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ from deform.nav.alignment import Alignment
 from deform.nav.odometer import OdometerSolution
 from deform.nav.reverse import Agreement
 from deform.nav.second_path import SecondPath
+from deform.nav.slips import SlipsSeen
 from deform.nav.solution import NO_WEIGHT, Solution
 from deform.nav.strapdown import Counts
 from deform.nav.trajectory import decimation, trajectory
@@ -30,11 +32,13 @@ class Checks:
 
     second: SecondPath
     backward: Agreement
+    slips: SlipsSeen
+    gaps: Sequence[str] = ()
 
     @property
     def remarks(self) -> list[str]:
-        """What contradicts the trajectory, in words."""
-        return [text for text in (self.second.remark(), self.backward.remark()) if text]
+        """What contradicts the trajectory, or is hidden from it, in words."""
+        return [text for text in (self.slips.remark(), self.second.remark(), self.backward.remark(), *self.gaps) if text]
 
 
 MOST_EPOCHS = 20_000  # rows of the diagnostics

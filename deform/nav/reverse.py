@@ -67,7 +67,9 @@ def reversed_epochs(epochs: Epochs) -> Epochs:
                                (k.FORCE_BY_AXIS, 3, 1.0), (k.TURN_BY_SHEAR, 3, -1.0), (k.FORCE_BY_SHEAR, 5, 1.0)):  # fmt: skip
         block = table[:, start : start + 3 * width].reshape(-1, 3, width)
         out[:, start : start + 3 * width] = sign * (turn.transpose(0, 2, 1) @ block).reshape(-1, 3 * width)
-    out[:, k.TRAVEL] = -table[:, k.TRAVEL]
+    out[:, k.TRAVEL], out[:, k.GAP_TRAVEL] = -table[:, k.TRAVEL], -table[:, k.GAP_TRAVEL]
+    expected = table[:, k.GAP_EXPECTED : k.GAP_EXPECTED + 3]
+    out[:, k.GAP_EXPECTED : k.GAP_EXPECTED + 3] = -np.einsum("nji,nj->ni", turn, expected)
     out[:, k.SENSE] = -table[:, k.SENSE]
     last = epochs.bounds[-1]
     return Epochs(last - epochs.bounds[::-1], epochs.time[-1] - epochs.time[::-1], out)
@@ -90,7 +92,8 @@ def reversed_problem(problem: Problem, end: Floats, variance: Floats) -> Problem
         epochs=reversed_epochs(problem.epochs),
         travel=replace(travel, speeds=-travel.speeds[::-1], variance=travel.variance[::-1].copy(),
                        stationary=travel.stationary[::-1],
-                       along_shape=travel.along_shape[::-1], travel=travel.travel[::-1], tilt=travel.tilt[::-1].copy()),
+                       along_shape=travel.along_shape[::-1], doubt=travel.doubt[::-1],
+                       travel=travel.travel[::-1], tilt=travel.tilt[::-1].copy()),
         marks=replace(marks, index=marks.index[::-1], epoch=(n - marks.epoch[::-1]).copy(), place=marks.place[::-1].copy(),
                       variance=marks.variance[::-1], late=-marks.late[::-1], weight=marks.weight[::-1]),
         spans=SpanAid(resting=problem.spans.resting[::-1].copy()),  # the backward run checks the forward one without the others

@@ -12,10 +12,12 @@ from scipy.linalg import expm
 from deform.geometry import earth
 from deform.geometry.rotation import matrix_to_attitude
 from deform.nav import _kernels_state as kernels
+from deform.nav._kernels import GAP_BOW, GAP_TRAVEL
 from deform.nav.dead_reckoning import Reckoning, dead_reckon
 from deform.nav.error_model import ErrorModel
 from deform.nav.marks import correct_between_marks
 from deform.nav.solution import Solution
+from deform.nav.strapdown import Epochs
 
 Floats = NDArray[np.float64]
 log = logging.getLogger(__name__)
@@ -51,16 +53,22 @@ class SecondPath:
         )
 
 
-def second_path(solution: Solution) -> SecondPath:
+def second_path(solution: Solution, epochs: Epochs) -> SecondPath:
     """Return dead reckoning through the marks beside the smoothed path.
+
+    Parameters
+    ----------
+    solution : final.
+    epochs : of its problem, with the way that slipped wheels lost (`slips.SlipsSeen`).
 
     Notes
     -----
     From the smoothed first attitude, mounting, sag and scale, then by gyros and odometer, turned and stretched between the marks
     that carry weight (iterated there until it meets them): nothing of the accelerometers after the first attitude. Its sigma
     away from the marks: the wobble as a random walk that both marks hold, the odometer's noise alike, the gyros' drift and random
-    walk as the bow that is left when both ends are met, their scale by the turn between the marks; outside the outer marks all of
-    them grow freely. Sigmas of marks and of the smoothed path are added.
+    walk as the bow that is left when both ends are met, their scale by the turn between the marks, the bow of gaps between them
+    (the turn over a gap is that of the smoothed path); outside the outer marks all of them grow freely.
+    Sigmas of marks and of the smoothed path are added.
 
     References
     ----------
@@ -69,7 +77,7 @@ def second_path(solution: Solution) -> SecondPath:
     problem, states = solution.problem, solution.smoothed.states
     first = states[0]
     mounting = np.array([first[kernels.MOUNTING], 1.0, first[kernels.MOUNTING + 1]])
-    reckoned = dead_reckon(problem.epochs, first[:3], first[6:15].reshape(3, 3), mounting, 1.0 + first[kernels.SCALE])
+    reckoned = dead_reckon(epochs, first[:3], first[6:15].reshape(3, 3), mounting, 1.0 + first[kernels.SCALE])
     use = problem.marks.weight > 0.5
     use &= np.concatenate([[True], np.diff(problem.marks.epoch) > 0])
     epoch = problem.marks.epoch[use]
@@ -105,6 +113,7 @@ def _degrees(places: Floats) -> tuple[Floats, Floats, Floats]:
 def _sigma(solution: Solution, reckoned: Reckoning, epoch: NDArray[np.int64]) -> Floats:
     problem, model = solution.problem, solution.problem.model
     travel = np.concatenate([[0.0], np.cumsum(np.abs(problem.epochs.travel))])
+    bowed = problem.epochs.table[:, GAP_TRAVEL] ** 2 * problem.epochs.table[:, GAP_BOW] / 12.0
     noise = np.concatenate([[0.0], np.cumsum(problem.travel.variance[:, 0])])
     turned = np.unwrap(np.radians(matrix_to_attitude(reckoned.attitudes)[0]))
     turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turned)))])
@@ -116,8 +125,9 @@ def _sigma(solution: Solution, reckoned: Reckoning, epoch: NDArray[np.int64]) ->
     bow = 0.5 * drift * speed * _product(before, behind)
     bend = np.sqrt(model.walk[6] / 3.0) * speed * _product(before, behind) / np.sqrt(_sum(before, behind))
     away = _held(*_to_marks(travel, epoch))
+    bent = _sum(*_to_marks(np.concatenate([[0.0], np.cumsum(bowed)]), epoch))
     twist = scale * _sum(*_to_marks(turned, epoch)) * away
-    across = density * away + swung(model, away) + bow**2 + bend**2 + twist**2
+    across = density * away + bent + swung(model, away) + bow**2 + bend**2 + twist**2
     along = _held(*_to_marks(noise, epoch))
     mark = float(problem.marks.variance.max(initial=0.0))
     if epoch.size < 2:  # nothing holds the path: the first attitude turns it about its begin

@@ -11,9 +11,13 @@ from numpy.typing import NDArray
 
 from deform.geometry import earth
 from deform.nav import _kernels_state as kernels
+from deform.nav._kernels import GAP_TURN
 from deform.nav.aiding import MarkAid
 from deform.nav.arm_tilt import tilt_per_epoch
+from deform.nav.error_model import SCALE_WALK
 from deform.nav.filter import Filtered, Problem, run_forward
+from deform.nav.gap_path import about_reckoning
+from deform.nav.gaps import turned_as
 from deform.nav.noise import learn
 from deform.nav.smoother import Smoothed, smooth
 
@@ -22,7 +26,10 @@ log = logging.getLogger(__name__)
 
 CONTRADICTED = 4.5  # misclosure without the mark over its sigma beyond which a mark is gross
 NO_WEIGHT = 1e-8
-COARSE_RAD = math.radians(3.0)  # first attitude so uncertain that all is taken as linear about the smoothed path
+WANDERS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # of a lone wheel's scale, against the usual one
+WANDER_PENALTY = 3.0  # of the logarithm of the likelihood, against more wander than usual
+MARK_GATE = 4.0  # sigma beyond which the innovation of a mark counts by Huber's density
+COARSE_RAD = math.radians(3.0)  # attitude so uncertain, at first or behind a gap, that all is linear about the smoothed path
 SETTLED_RAD, MOST_ROUNDS = math.radians(0.05), 8  # of the attitudes, beyond which a path is solved about anew
 
 
@@ -62,7 +69,10 @@ def solve(problem: Problem, arms: tuple[Floats, Floats] | None = None) -> Soluti
     worst one beyond the limit loses its weight and everything is solved anew, so that one bad mark does not condemn its
     neighbours.
     """
-    coarse = float(np.max(np.diag(problem.start.covariance)[6:9])) > COARSE_RAD**2
+    lost = float(problem.epochs.table[:, GAP_TURN].max(initial=0.0))
+    coarse = max(float(np.max(np.diag(problem.start.covariance)[6:9])), lost) > COARSE_RAD**2
+    if lost > COARSE_RAD**2:
+        problem = about_reckoning(problem)
     if coarse:
         problem = _about_its_path(problem)
     turned = np.empty((problem.epochs.bounds.size, 9))
@@ -73,7 +83,11 @@ def solve(problem: Problem, arms: tuple[Floats, Floats] | None = None) -> Soluti
     problem = learn(problem, filtered)
     if coarse:
         problem = _about_its_path(problem)
+    every = problem
     problem, filtered, smoothed = _without_gross(problem, *_pass(problem))
+    if problem.travel.lone and (problem.marks.weight <= 0.5).sum() > 1:  # one mark may be wrong; of several it is the wheel
+        problem = _wandering(every)
+        problem, filtered, smoothed = _without_gross(problem, *_pass(problem))
     return Solution(problem, filtered, smoothed, *misclosures(problem.marks, smoothed))
 
 
@@ -135,17 +149,41 @@ def _weighted(problem: Problem, mark: int, factor: float) -> Problem:
     return replace(problem, marks=problem.marks.weighted(weight))
 
 
+def _wandering(problem: Problem) -> Problem:
+    """Let the scale of a lone wheel wander by as much as makes the marks most likely.
+
+    Notes
+    -----
+    A wheel that slips by little for minutes is believed by the inertial unit, whose velocity is not known better by then. No
+    other wheel shows it; the marks do, each by its innovation. One of them that is grossly wrong counts by Huber's density, and
+    is not explained by a wander that would have to spoil all the others. The travel itself is not asked: its likelihood takes any
+    error of the wheel for wander, and would leave the way to the accelerometers.
+    """
+    scores = []
+    for factor in WANDERS:
+        filtered = run_forward(replace(problem, model=problem.model.with_wander(factor * SCALE_WALK)))
+        variance = np.maximum(filtered.mark_news[:, 3:], 1e-12)
+        size = np.abs(filtered.mark_news[:, :3]) / np.sqrt(variance)
+        square = np.where(size < MARK_GATE, size**2, MARK_GATE * (2.0 * size - MARK_GATE))
+        scores.append(-0.5 * float(np.nansum(np.log(variance) + square)) - WANDER_PENALTY * (factor > 1.0))
+    best = WANDERS[int(np.argmax(scores))]
+    log.info("scale of the lone wheel wanders by %.0e a root metre; scores %s", best * SCALE_WALK, np.round(scores, 1))
+    return replace(problem, model=problem.model.with_wander(best * SCALE_WALK))
+
+
 def _about_its_path(problem: Problem) -> Problem:
     """Take everything as linear about the smoothed path, until it stands.
 
     Notes
     -----
     Iterated smoothing (Bell 1994, SIAM J. Optim. 4, 626-636): where the first azimuth is unknown by degrees, or drifts by degrees
-    unseen between marks, the path that the filter was linear about is not the one that the marks leave.
+    unseen between marks, the path that the filter was linear about is not the one that the marks leave. Behind a gap of the
+    inertial unit, where attitude and velocity are lost together, a filter that is linear about its own estimates takes what it
+    corrects from one to the next for a force, and believes within seconds that it knows the azimuth.
     """
     for _ in range(MOST_ROUNDS):
         smoothed, before = _pass(problem)[1], problem.about
-        problem = replace(problem, about=smoothed.states)
+        problem = replace(problem, about=smoothed.states, epochs=turned_as(problem.epochs, smoothed.states, smoothed.sigma))
         if not len(before):
             continue
         turned = _most_turned(smoothed.states, before)

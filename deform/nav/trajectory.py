@@ -127,7 +127,9 @@ def centreline(
     Azimuth and pitch are the pipe's looking downstream: for an upstream run the azimuth is turned by 180 degree and the pitch
     changes sign. Samples at standstill, or behind a place already reached, carry no new place and are left out, so that time
     is monotone along the chainage. Attributes ``turn_lag_m`` and ``turn_sigma_deg`` of azimuth and pitch say how sure a turn
-    between two places that far apart is (for the azimuth: times the cosine of the pitch).
+    between two places that far apart is (for the azimuth: times the cosine of the pitch); where the inertial unit recorded
+    nothing ``unseen_m`` holds begin and end (m) of the stretch, ``unseen_turn_deg`` the sigma of a turn of the pipe there over a
+    metre.
     """
     options = options or NavigationOptions()
     source = navigation.trajectory
@@ -161,10 +163,19 @@ def centreline(
     values["tool_roll"] = (interpolate_angle(grid, axis, source["roll"].values) + 180.0) % 360.0 - 180.0
     if pose is not None:
         _take_off_offset(values, pose)
+    for name in ("east_sigma", "north_sigma", "up_sigma"):
+        values[name] = np.hypot(values[name], np.sqrt(found.unseen.variances((grid * header.travel_sign)[ahead])[1])[ahead])
     line = build.dataset("centreline", values)
     for name, sigma in zip(("azimuth", "pitch"), found.turn_sigma, strict=True):
         line[name].attrs |= {"turn_lag_m": TURN_LAGS_M.tolist(), "turn_sigma_deg": sigma.tolist()}
+        if found.unseen.turn.size:
+            places = np.sort(found.unseen.ends * header.travel_sign, axis=1)
+            line[name].attrs |= {"unseen_m": places.ravel().tolist(), "unseen_turn_deg": _per_metre(found.unseen.turn)}
     return line
+
+
+def _per_metre(turn: Floats) -> list[float]:
+    return np.degrees(np.sqrt(turn)).tolist()
 
 
 def _advancing(along: Floats) -> Floats:

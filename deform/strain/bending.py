@@ -71,9 +71,20 @@ def _add_long(line: xr.Dataset, gauge: float, reach: float) -> xr.Dataset:
 def _sigma(direction: xr.DataArray, gauge: float, values: Floats) -> Floats:
     """Sigma of curvature from what navigation says about turns over the gauge, else from the curvature's own unrest."""
     if "turn_sigma_deg" in direction.attrs:
-        return np.full(values.shape, np.radians(stated_turn_sigma(direction, gauge)) / gauge)
+        sigma = np.full(values.shape, np.radians(stated_turn_sigma(direction, gauge)) / gauge)
+        return np.hypot(sigma, _unseen_sigma(direction, gauge))
     step = float(np.diff(direction["chainage"].values[:2])[0])
     return noise_sigma(values, max(round(_SIGMA_WINDOW_M / step), 10), max(round(4.0 * gauge / step), 1))
+
+
+def _unseen_sigma(direction: xr.DataArray, gauge: float) -> Floats:
+    """Sigma of curvature where the gauge meets pipe that the inertial unit passed without recording it, zero elsewhere."""
+    place, sigma = direction["chainage"].values, np.zeros(direction.size)
+    ends = np.reshape(direction.attrs.get("unseen_m", []), (-1, 2))
+    for (begin, end), turn in zip(ends, np.atleast_1d(direction.attrs.get("unseen_turn_deg", [])), strict=True):
+        met = np.minimum(place + 0.5 * gauge, end) - np.maximum(place - 0.5 * gauge, begin)
+        sigma = np.hypot(sigma, np.radians(turn) * np.sqrt(np.maximum(met, 0.0)) / gauge)
+    return sigma
 
 
 def stated_turn_sigma(direction: xr.DataArray, lag: float) -> float:

@@ -69,6 +69,21 @@ def test_gap_of_five_seconds_widens_the_sigma_where_it_is(demo):
     assert largest < 1.0
 
 
+def test_forward_and_backward_runs_agree_over_gaps_and_a_bend_in_one_is_told(demo):
+    raw = raw_run(demo / "demo-2019")
+    time = raw.imu["time"].values
+    kept = np.ones(time.size, bool)
+    for begin in (836.0, 1600.0, 2000.0, 2330.0, 3300.0):  # the first hides a bend of 47 degree, the fourth a marker's side
+        kept &= (time < begin) | (time > begin + 5.0)
+    found = navigate(replace(raw, imu=raw.imu.isel(sample=kept)))
+    assert "turns there by 47 degree within 6.9 m" in found.diagnostics.attrs["remarks"]
+    assert "forward and backward" not in found.diagnostics.attrs["remarks"]
+    assert found.markers["used"].values.all()
+    inside, largest = honest(found, demo)
+    assert inside > 0.9
+    assert largest < 1.0
+
+
 def test_markers_heard_in_the_wrong_order_are_named_and_do_no_harm(demo):
     raw = raw_run(demo / "demo-2019")
     passages = raw.passages.copy(deep=True)
