@@ -367,7 +367,7 @@ def _smoothed(
 
 def _rows(model: WobbleModel, states: int, lever: float) -> tuple[Floats, Floats]:
     """What is measured: the summed departure, and a ring; what is wanted: the wobble, and its tones alone."""
-    own = model.order + 2
+    own = model.shift_state
     rows, wanted = np.zeros((2 if lever else 1, states)), np.zeros((2, states))
     rows[0, 0], rows[0, own] = 1.0, -1.0
     wanted[0, 1] = 1.0

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
+from scipy.optimize import least_squares
 from scipy.signal import welch
 
 from deform.nav.tones import Tone
@@ -17,6 +18,7 @@ from deform.run.raw import ImuHeader
 Floats = NDArray[Any]
 
 SEGMENT_M = 256.0  # length of the pieces whose spectra are averaged
+_PATH_FREQUENCIES = 1.0 / 3000.0, 1.0 / 3.0  # 1/m, between which the model of the path's error is to be that of its spectrum
 _PIECE_M = 50.0  # the same for the attitude by itself
 USUAL = (math.radians(0.2), 10.0, 1e-3)  # wobble (rad), its length (m), shift (m) where a run is too short to tell
 
@@ -33,6 +35,19 @@ class Wobble:
     def absent(cls, n: int, lags: int) -> Wobble:
         """No knowledge about the wobble: zero with the sigma of a usual tool."""
         return cls(np.zeros(n), np.full(n, USUAL[0]), np.full(lags, math.sqrt(2.0) * USUAL[0]))
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Equal poles in a row (1/m), driven by white noise of an intensity (rad² m to the power 2 poles - 1, inverse)."""
+
+    drive: float
+    rate: float
+    poles: int
+
+    def spectrum(self, omega: Floats) -> Floats:
+        """One-sided power spectral density (rad² m) at wave numbers (rad/m)."""
+        return 2.0 * self.drive / (omega**2 + self.rate**2) ** self.poles
 
 
 @dataclass(frozen=True)
@@ -93,8 +108,7 @@ class WobbleModel:
         omega = 2.0 * math.pi * tone.frequency
         turned = 1j * omega
         wobble = float(2.0 * self.drive * self.rate ** (2 * self.order - 2) / (omega**2 + 0.25 * self.rate**2) ** self.order)
-        error, length = self.path_error()
-        drift = 4.0 * error**2 * length / (1.0 + (omega * length) ** 2)
+        drift = float(sum(chain.spectrum(np.array([omega]))[0] for chain in self.path_error()))
         if lever == 0.0:
             shift = float(self.wobble_spectrum(np.array([tone.frequency]))[0]) * (shift_sigma / self.sigma) ** 2
         else:
@@ -113,28 +127,30 @@ class WobbleModel:
         Notes
         -----
         The navigation's path already weighs the accelerometers against the wobble: its error at long waves is what
-        S_w S_n / (S_w + S_n) leaves, an Ornstein-Uhlenbeck process of that power here, and the wobble enters with its short waves
-        only (poles at half the rate, same fall), lest it be counted twice. ``shift_sigma`` (m) is the tool's slow shift in the
+        S_w S_n / (S_w + S_n) leaves, a process of that power and fall here (`path_error`; were it stronger in waves of tens of
+        metres, a ring would be believed there, which sees the tool's shift too). The wobble enters with its short waves only
+        (poles at half the rate, same fall), lest it be counted twice. ``shift_sigma`` (m) is the tool's slow shift in the
         pipe. Unseen it has the shape of the wobble, for both come from how the tool rides on its cups, and ``shift_order`` is
         that of the wobble; seen by a ring of arms it may have short waves of its own, and 1 lets them through. Its long waves are
         then left free: the navigation has used the arms for them already.
         """
-        p = self.order
-        m = p + 2 + shift_order
+        p, own = self.order, self.shift_state
+        m = own + shift_order
         A, L, push = np.zeros((m, m)), np.zeros((m, m)), np.zeros((m, m))
-        A[0, 1] = A[0, p + 1] = 1.0
+        A[0, 1] = A[0, p + 1] = A[0, p + 2] = 1.0
         L[0, 0] = self.ride
         slow = 0.5 * self.rate
         _chain(A, 1, p, slow)
         L[p, p] = self.drive * (self.rate / slow) ** (2 * p - 2)
-        error, length = self.path_error()
-        A[p + 1, p + 1] = -1.0 / length
-        push[p + 1, p + 1] = 2.0 * error**2 / length
+        walk, tilt = self.path_error()
+        _chain(A, p + 1, 1, walk.rate)
+        _chain(A, p + 2, 2, tilt.rate)
+        push[p + 1, p + 1], push[own - 1, own - 1] = walk.drive, tilt.drive
         rate = self.rate
         if shift_order == 1:
             rate, shift_sigma = 0.1 * self.rate, shift_sigma * math.sqrt(5.0)  # fall of a pole at half the rate
-        _chain(A, p + 2, shift_order, rate)
-        unit = solve_continuous_lyapunov(A[p + 2 :, p + 2 :], -_corner(shift_order))[0, 0]
+        _chain(A, own, shift_order, rate)
+        unit = solve_continuous_lyapunov(A[own:, own:], -_corner(shift_order))[0, 0]
         L[m - 1, m - 1] = shift_sigma**2 / unit
         P0 = np.zeros((m, m))
         P0[1:, 1:] = solve_continuous_lyapunov(A[1:, 1:], -(L + push)[1:, 1:])
@@ -147,14 +163,35 @@ class WobbleModel:
         F, Q = _van_loan(A, L, node)
         return F, Q, _van_loan(A, push, node)[1], P0
 
-    def path_error(self) -> tuple[float, float]:
-        """Sigma (rad) and length (m) of the error of the path's direction in long waves."""
-        frequency = np.geomspace(1e-5, 1.0, 4000)
-        wobble = self.wobble_spectrum(frequency)
-        drift = _drift_spectrum(frequency, self.path_drive, self.tilt_drive)
+    @property
+    def shift_state(self) -> int:
+        """Where the tool's shift stands in the state of `discrete`."""
+        return self.order + 4
+
+    def path_error(self) -> tuple[Chain, Chain]:
+        """Error of the path's direction, S_w S_n / (S_w + S_n), as a sum of one pole and two.
+
+        One falls as the random walk of the accelerometers does, two as the tilt of the gyros' does. Least squares of logarithms.
+        """
+        omega = 2.0 * np.pi * np.geomspace(*_PATH_FREQUENCIES, 60)
+        wobble, drift = (
+            self.wobble_spectrum(omega / (2.0 * np.pi)),
+            2.0 * self.path_drive / omega**2 + 2.0 * self.tilt_drive / omega**4,
+        )
         left = wobble * drift / (wobble + drift)
-        error = math.sqrt(max(float(np.trapezoid(left, frequency)), 1e-16))
-        return error, float(np.clip(left[0] / (4.0 * error**2), 2.0, 500.0))
+        top = float(left[0])
+
+        def chains(x: Floats) -> tuple[Chain, Chain]:
+            one, two = np.exp(x[:2])
+            return Chain(0.5 * top * np.exp(x[2]) * one**2, one, 1), Chain(0.5 * top * np.exp(x[3]) * two**4, two, 2)
+
+        def misfit(x: Floats) -> Floats:
+            return np.log(sum(chain.spectrum(omega) for chain in chains(x)) / left)
+
+        crossed = np.log([math.sqrt(2.0 * self.path_drive / top), (2.0 * self.tilt_drive / top) ** 0.25])
+        low, high = np.array([*np.log([1e-4, 1e-4]), -12.0, -12.0]), np.array([*np.log([3.0, 3.0]), 1.0, 1.0])
+        start = np.clip([*crossed, -1.0, -1.0], low + 1e-3, high - 1e-3)
+        return chains(least_squares(misfit, start, bounds=(low, high)).x)
 
     def left_spectrum(self, frequency: Floats, node: float, shift_sigma: float, ring_sigma: float, lever: float = 0.0) -> Floats:
         """One-sided spectrum of the error that the smoother leaves in the direction (rad² m): S_w S_n / (S_w + S_n).

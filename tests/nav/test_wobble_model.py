@@ -10,6 +10,7 @@ from deform.nav import _kernels, _kernels_model
 from deform.nav.error_model import WOBBLE_LENGTHS_M
 from deform.nav.noise import wobble_spectrum
 from deform.nav.second_path import swung
+from deform.nav.wobble import WobbleModel
 from tests.nav.test_filter import problem_of
 
 
@@ -82,3 +83,31 @@ def test_the_path_swings_by_what_its_spectrum_sums_up_to(model, way):
     passed = (np.sin(np.pi * frequency * way) / (np.pi * frequency)) ** 2
     summed = 2.0 * np.trapezoid(density(model, frequency) * passed[:, None], frequency, axis=0)
     assert swung(model, np.array([way]))[0] == pytest.approx(summed.max(), rel=2e-3)
+
+
+@pytest.mark.parametrize(("path", "tilt"), [(5e-9, 1.2e-11), (3e-8, 1e-17), (1e-6, 1e-8), (1e-10, 1e-12)])
+def test_error_of_the_path_is_that_of_wobble_against_drift_in_all_waves(path, tilt):
+    """One pole alone is ten times too strong in waves of tens of metres where the tilt rules: a ring was believed there."""
+    model = WobbleModel(3.4e-6, 0.058, 2, 1e-9, 3e-9, path, tilt, 1e-13)
+    chains = model.path_error()
+    for wave in (5.0, 15.0, 45.0, 100.0, 400.0, 2000.0):
+        k = 2.0 * np.pi / wave
+        drift = 2.0 * path / k**2 + 2.0 * tilt / k**4
+        wobble = float(model.wobble_spectrum(np.array([1.0 / wave]))[0])
+        shown = sum(float(chain.spectrum(np.array([k]))[0]) for chain in chains)
+        assert 0.5 < shown / (wobble * drift / (wobble + drift)) < 2.0
+
+
+def test_error_of_the_path_is_led_on_as_its_chains_say():
+    model = WobbleModel(3.4e-6, 0.058, 2, 1e-9, 3e-9, 5e-9, 1.2e-11, 1e-13)
+    F, _, push, P0 = model.discrete(0.5, 1e-3, 1)
+    at, own = model.order + 1, model.shift_state
+    omega = np.geomspace(1e-6, 50.0, 100_000)
+    for first, chain in zip((at, at + 1), model.path_error(), strict=True):
+        variance = np.trapezoid(chain.spectrum(omega), omega) / (2.0 * np.pi)
+        assert P0[first, first] == pytest.approx(variance, rel=1e-3)
+        x = 10.0 * chain.rate
+        led = (np.linalg.matrix_power(F, 20) @ P0)[first, first] / P0[first, first]
+        assert led == pytest.approx(np.exp(-x) * (1.0 + x * (chain.poles - 1)), rel=1e-6)
+    here = slice(at, own)
+    assert F[here, here] @ P0[here, here] @ F[here, here].T + push[here, here] == pytest.approx(P0[here, here], rel=1e-6)
