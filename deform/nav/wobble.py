@@ -39,7 +39,7 @@ class Wobble:
 
 @dataclass(frozen=True)
 class Chain:
-    """Equal poles in a row (1/m), driven by white noise of an intensity (rad² m to the power 2 poles - 1, inverse)."""
+    """Equal poles in a row (1/m), driven by white noise of an intensity (rad²/m)."""
 
     drive: float
     rate: float
@@ -47,7 +47,7 @@ class Chain:
 
     def spectrum(self, omega: Floats) -> Floats:
         """One-sided power spectral density (rad² m) at wave numbers (rad/m)."""
-        return 2.0 * self.drive / (omega**2 + self.rate**2) ** self.poles
+        return 2.0 * self.drive * self.rate ** (2 * self.poles - 2) / (omega**2 + self.rate**2) ** self.poles
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class WobbleModel:
 
     def wobble_spectrum(self, frequency: Floats) -> Floats:
         """One-sided power spectral density of the wobble without its tones (rad² m)."""
-        return _wobble_spectrum(frequency, self.drive, self.rate, self.order)
+        return Chain(self.drive, self.rate, self.order).spectrum(2.0 * np.pi * frequency)
 
     def noise_spectrum(self, frequency: Floats, node: float) -> Floats:
         """One-sided power spectral density of what else is in the departure, without tones (rad² m)."""
@@ -183,7 +183,7 @@ class WobbleModel:
 
         def chains(x: Floats) -> tuple[Chain, Chain]:
             one, two = np.exp(x[:2])
-            return Chain(0.5 * top * np.exp(x[2]) * one**2, one, 1), Chain(0.5 * top * np.exp(x[3]) * two**4, two, 2)
+            return Chain(0.5 * top * np.exp(x[2]) * one**2, one, 1), Chain(0.5 * top * np.exp(x[3]) * two**2, two, 2)
 
         def misfit(x: Floats) -> Floats:
             return np.log(sum(chain.spectrum(omega) for chain in chains(x)) / left)
@@ -310,11 +310,6 @@ def _median_spectrum(slopes: Floats, spacing: float, longest: float) -> tuple[Fl
         return np.empty(0), np.empty(0)
     frequency, power = welch(slopes, fs=1.0 / spacing, nperseg=size, average="median")
     return frequency[1:], power[1:]
-
-
-def _wobble_spectrum(frequency: Floats, drive: float, rate: float, order: int) -> Floats:
-    omega2 = (2.0 * np.pi * frequency) ** 2
-    return 2.0 * drive * rate ** (2 * order - 2) / (omega2 + rate**2) ** order
 
 
 def _ride_spectrum(frequency: Floats, shift: float, ride: float, node: float) -> Floats:
