@@ -336,9 +336,7 @@ def _smoothed(
         # two supports a distance B apart that shift by themselves: the mean of both is B / 2 times the angle between them
         return 0.5 * _CUPS_OD * header.pipe.outside_diameter_m * model.sigma, 0.0
 
-    between = np.clip(nodes[:-1] + 0.5 * _NODE_M, grid[0], grid[-1])
-    tool = box_average(between, grid, direction, _NODE_M)
-    tool = np.where(np.isfinite(tool), tool, np.interp(between, grid, direction))
+    tool = _between(nodes, grid, direction)
     model = fit_departure(total, _NODE_M, usual, header.imu, tool, ring if lever else None, riding)
     shift, ring_sigma = riding(model)
     F, Q, Q_push, P0 = model.discrete(_NODE_M, shift, 1 if lever else model.order)
@@ -361,8 +359,16 @@ def _smoothed(
     if model.tones:  # a line from node to node would cut the crests of short ones
         tones = CubicSpline(nodes, value[:, 1])(np.clip(grid, nodes[0], nodes[-1]))
     riders = (shift, ring_sigma, lever)
-    turn = turn_sigma(model, TURN_LAGS_M, total, _NODE_M, direction - tones, float(grid[1] - grid[0]), riders)
+    calm = direction - tones
+    turn = turn_sigma(model, TURN_LAGS_M, total, _NODE_M, calm, float(grid[1] - grid[0]), _between(nodes, grid, calm), riders)
     return Wobble(wobble + tones, np.interp(grid, nodes, sigma), turn)
+
+
+def _between(nodes: Floats, grid: Floats, direction: Floats) -> Floats:
+    """Mean direction from node to node."""
+    middle = np.clip(nodes[:-1] + 0.5 * _NODE_M, grid[0], grid[-1])
+    mean = box_average(middle, grid, direction, _NODE_M)
+    return np.where(np.isfinite(mean), mean, np.interp(middle, grid, direction))
 
 
 def _rows(model: WobbleModel, states: int, lever: float) -> tuple[Floats, Floats]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
 from scipy.optimize import least_squares
-from scipy.signal import welch
+from scipy.signal import csd, welch
 
 from deform.nav.tones import Tone
 from deform.run.raw import ImuHeader
@@ -235,6 +235,7 @@ def turn_sigma(
     node: float,
     direction: Floats,
     step: float,
+    attitude: Floats,
     shift: tuple[float, float, float],
 ) -> Floats:
     """Return the sigma (rad) of the turn of the pipe between two places these lags (m) apart.
@@ -244,29 +245,30 @@ def turn_sigma(
     model : fitted to ``total``.
     lags : metre.
     total, node : as for `fit_wobble`.
-    direction, step : direction of the tool (rad) on the grid of the result, and its step (m).
+    direction, step : direction of the tool (rad) on the grid of the result, without its tones, and its step (m).
+    attitude : the same between the nodes.
     shift : sigma of the tool's slow shift in the pipe, and that of a ring that sees it and its place, 0 without one (m).
 
     Notes
     -----
     Where the wobble stands above the noise of the path, the two-sided smoother leaves S_w S_n / (S_w + S_n). Shorter waves of the
     wobble hide below that noise. Neither the departure of the path nor the attitude itself can hold less than the wobble that
-    is in them, so that the lesser of their spectra stands for the error; of the departure half, as nothing tells wobble from
-    ride there. (Medians over pieces of the line keep bends out; what the straight pipe bends in short waves is counted as
-    error.) A turn over a lag l passes 2 (1 - cos 2π f l) of the spectrum; the random walk of the gyros comes on top.
+    is in them, and both hold the same of it: the least of their spectra and their cross-spectrum stands for the error. (Medians
+    over pieces of the line keep bends out; what the straight pipe bends in short waves is counted as error where the departure
+    does not tell.) A turn over a lag l passes 2 (1 - cos 2π f l) of the spectrum; the random walk of the gyros comes on top.
     """
     highest = 0.5 / step
     frequency = np.unique(np.concatenate([np.geomspace(1e-4, highest, 3000), np.linspace(0.01, highest, 3000)]))
     wobble, noise = model.wobble_spectrum(frequency), model.noise_spectrum(np.minimum(frequency, 0.5 / node), node)
     left = model.left_spectrum(frequency, node, *shift)
     most = np.full(frequency.size, np.inf)
-    for slopes, spacing, longest, order in (
-        (slope_of(total) / node, node, SEGMENT_M, 0),
-        (np.diff(direction), step, _PIECE_M, 1),
+    slope = slope_of(total) / node
+    for at, power in (
+        _departure_without_lines(model, slope, node),
+        _of_differences(*_median_spectrum(np.diff(direction), step, _PIECE_M), step),
+        _wobble_told(slope, attitude, node),
     ):
-        at, power = _median_spectrum(slopes, spacing, longest)
         if at.size > 4:
-            power = power / (2.0 * np.sin(np.pi * at * spacing)) ** 2 if order else 0.5 * power * _without_lines(model, at, node)
             inside = frequency <= at[-1]
             most[inside] = np.minimum(most[inside], np.interp(frequency[inside], at, power))
     hidden = (wobble < noise) & np.isfinite(most)
@@ -275,12 +277,37 @@ def turn_sigma(
     return np.sqrt(np.trapezoid(left * passed, frequency, axis=1) + model.turn_drive * lags)
 
 
-def _without_lines(model: WobbleModel, at: Floats, node: float) -> Floats:
-    """Part of the departure's periodogram at the frequencies of pieces that is not in lines."""
-    if not model.tones + model.lines:
-        return np.ones(at.size)
+def _departure_without_lines(model: WobbleModel, slope: Floats, node: float) -> tuple[Floats, Floats]:
+    """Frequency and median spectrum of the departure, without the part that is in lines."""
+    at, power = _median_spectrum(slope, node, SEGMENT_M)
+    lines = model.tones + model.lines
+    if not at.size or not lines:
+        return at, power
     size, smooth = round(1.0 / (at[0] * node)), model.shown_spectrum(at, node)
-    return smooth / (smooth + sum(line.periodogram(size, node)[1 : at.size + 1] for line in model.tones + model.lines))
+    return at, power * smooth / (smooth + sum(line.periodogram(size, node)[1 : at.size + 1] for line in lines))
+
+
+def _wobble_told(slope: Floats, attitude: Floats, node: float) -> tuple[Floats, Floats]:
+    """Frequency and spectrum of the wobble by what departure and attitude have in common.
+
+    The attitude is pipe and wobble, the departure wobble and ride: their cross-spectrum is that of the wobble. Its median is less
+    than its mean by what the share of it in both is. What is below zero is chance; to count the rest alone errs by four tenths of
+    its scatter, to the safe side.
+    """
+    size = min(round(_PIECE_M / node), slope.size // 2)
+    if size < 16:
+        return np.empty(0), np.empty(0)
+    both, how = (np.diff(slope), np.diff(attitude)), {"fs": 1.0 / node, "nperseg": size, "average": "median"}
+    at, common = csd(*both, **how)
+    whole = np.sqrt(welch(both[0], **how)[1] * welch(both[1], **how)[1])
+    share = np.linspace(0.0, 1.0, 101)  # of the whole that is common: median of the real part of such products
+    told = np.interp(math.log(2.0) * common.real / whole, 0.5 * (1.0 + share) * np.log1p(share), share) * whole
+    return _of_differences(at[1:], told[1:], node)
+
+
+def _of_differences(at: Floats, power: Floats, spacing: float) -> tuple[Floats, Floats]:
+    """Frequency and spectrum of a series by that of its differences."""
+    return at, power / (2.0 * np.sin(np.pi * at * spacing)) ** 2
 
 
 def _chain(A: Floats, first: int, poles: int, rate: float) -> None:

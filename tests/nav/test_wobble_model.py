@@ -10,7 +10,7 @@ from deform.nav import _kernels, _kernels_model
 from deform.nav.error_model import WOBBLE_LENGTHS_M
 from deform.nav.noise import wobble_spectrum
 from deform.nav.second_path import swung
-from deform.nav.wobble import WobbleModel
+from deform.nav.wobble import WobbleModel, _wobble_told
 from tests.nav.test_filter import problem_of
 
 
@@ -111,3 +111,21 @@ def test_error_of_the_path_is_led_on_as_its_chains_say():
         assert led == pytest.approx(np.exp(-x) * (1.0 + x * (chain.poles - 1)), rel=1e-6)
     here = slice(at, own)
     assert F[here, here] @ P0[here, here] @ F[here, here].T + push[here, here] == pytest.approx(P0[here, here], rel=1e-6)
+
+
+def test_wobble_is_told_from_ride_by_what_attitude_and_departure_have_in_common():
+    """Pipe, wobble and ride of 2.5 to 5 m: of the departure only the wobble goes with the attitude."""
+    rng, n, node = np.random.default_rng(5), 40_000, 0.5
+    frequency = np.fft.rfftfreq(n, node)
+    band = (frequency > 0.2) & (frequency < 0.4)
+
+    def in_band(sigma):
+        made = np.fft.irfft(np.fft.rfft(rng.normal(size=n)) * band, n)
+        return sigma * made / made.std()
+
+    pipe, wobble, ride = in_band(3e-4), in_band(1e-4), in_band(2e-4)
+    at, told = _wobble_told(wobble - ride, pipe + wobble, node)
+    inside = (at > 0.22) & (at < 0.38)
+    assert told[inside].mean() == pytest.approx(1e-8 / 0.2, rel=0.1)
+    _, none = _wobble_told(-ride, pipe, node)
+    assert none[inside].mean() < 0.1 * 1e-8 / 0.2
