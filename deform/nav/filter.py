@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -66,6 +67,7 @@ class Filtered:
     end : state behind the last measurement.
     covariance : its covariance.
     score : (3,) log-likelihood of the innovations of the travel along, right, up.
+    passed : states and covariances before the measurements of the bounds that were asked for.
     """
 
     checkpoints: tuple[tuple[Floats, Floats], ...]
@@ -74,6 +76,7 @@ class Filtered:
     end: Floats
     covariance: Floats
     score: Floats
+    passed: tuple[tuple[Floats, Floats], ...] = ()
 
 
 @dataclass
@@ -137,8 +140,8 @@ def run_block(problem: Problem, first: int, last: int, x: Floats, P: Floats, buf
     kernels.forward(first, last, *arguments, out.news, out.mark_news, out.score, turned, problem.about)
 
 
-def run_forward(problem: Problem, turned: Floats = NO_PATH) -> Filtered:
-    """Filter all epochs, keeping a state per block only; ``turned`` (bound, 9) takes the attitudes.
+def run_forward(problem: Problem, turned: Floats = NO_PATH, at: Sequence[int] = ()) -> Filtered:
+    """Filter all epochs, keeping a state per block and at rising bounds ``at`` only; ``turned`` (bound, 9) takes the attitudes.
 
     Notes
     -----
@@ -151,8 +154,14 @@ def run_forward(problem: Problem, turned: Floats = NO_PATH) -> Filtered:
     Porter (1990), eq. 3-62 to 3-76; CN103727938A, step 3; Li (2014), eq. 19 to 25.
     """
     x, P = problem.start.state.copy(), problem.start.covariance.copy()
-    out, nothing, checkpoints = Innovations.of(problem), Buffers.of(problem.model.size, 0), []
+    out, nothing, checkpoints, passed = Innovations.of(problem), Buffers.of(problem.model.size, 0), [], []
     for first, last in blocks(problem.epochs.bounds.size):
         checkpoints.append((x.copy(), P.copy()))
-        run_block(problem, first, last, x, P, nothing, out, turned)
-    return Filtered(tuple(checkpoints), out.news, out.mark_news, x, P, out.score)
+        reached = first
+        for bound in (b for b in at if first <= b <= last):
+            if bound > reached:
+                run_block(problem, reached, bound - 1, x, P, nothing, out, turned)
+                reached = bound
+            passed.append((x.copy(), P.copy()))
+        run_block(problem, reached, last, x, P, nothing, out, turned)
+    return Filtered(tuple(checkpoints), out.news, out.mark_news, x, P, out.score, tuple(passed))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from deform.nav import _kernels as k
 from deform.nav import _kernels_state as kernels
 from deform.nav.aiding import SpanAid
-from deform.nav.filter import Buffers, Filtered, Innovations, Problem, Start, blocks, run_block, run_forward
+from deform.nav.filter import Filtered, Problem, Start, run_forward
 from deform.nav.smoother import Smoothed
 from deform.nav.strapdown import Epochs
 
@@ -146,15 +146,20 @@ class Agreement:
         )
 
 
-def agreement(problem: Problem, filtered: Filtered, smoothed: Smoothed, places: int = PLACES) -> Agreement:
+def compared(problem: Problem) -> list[int]:
+    """Return the bounds at which both directions are compared, rising."""
+    n = problem.epochs.bounds.size - 1
+    return np.unique(np.linspace(0, n, PLACES + 2).round().astype(int)[1:-1]).tolist()
+
+
+def agreement(problem: Problem, filtered: Filtered, smoothed: Smoothed) -> Agreement:
     """Run backwards from the end and compare with the forward run on the way.
 
     Parameters
     ----------
     problem : with learned noise and final weights of the marks.
-    filtered : its forward pass.
+    filtered : its forward pass, with the states at the bounds `compared`.
     smoothed : gives the place and attitude about which the backward run begins, with ten times their sigma.
-    places : number of bounds at which both are compared.
 
     Notes
     -----
@@ -166,34 +171,15 @@ def agreement(problem: Problem, filtered: Filtered, smoothed: Smoothed, places: 
     ----------
     CN103727938A, step 4.
     """
-    n = problem.epochs.bounds.size - 1
+    n, bounds = problem.epochs.bounds.size - 1, compared(problem)
     back = reversed_problem(problem, *_end(problem, smoothed))
-    behind = run_forward(back)
-    bounds = np.unique(np.linspace(0, n, places + 2).round().astype(int)[1:-1])
-    ahead, after = states_before(problem, filtered, bounds), states_before(back, behind, n - bounds[::-1])[::-1]
+    behind = run_forward(back, at=[n - bound for bound in bounds[::-1]])
     rows = []
-    for (x, P), (y, Q) in zip(ahead, after, strict=True):
+    for (x, P), (y, Q) in zip(filtered.passed, behind.passed[::-1], strict=True):
         turn = turning_error(y, x)
         rows.append((*k.place_difference(y[0:3], x[0:3]), turn[2], *np.sqrt(np.diag(P + Q)[[0, 1, 2, 8]])))
     table = np.array(rows).reshape(-1, 8)
     return Agreement(problem.epochs.time[bounds], table[:, :4], table[:, 4:])
-
-
-def states_before(problem: Problem, filtered: Filtered, bounds: NDArray[np.int64]) -> list[tuple[Floats, Floats]]:
-    """Return state and covariance before the measurements of rising bounds, led on from the checkpoint or bound before."""
-    starts = np.array([first for first, _ in blocks(problem.epochs.bounds.size)])
-    nothing, out, found = Buffers.of(problem.model.size, 0), Innovations.of(problem), []
-    reached, x, P = -1, *filtered.checkpoints[0]
-    for bound in bounds.tolist():
-        block = int(np.searchsorted(starts, bound, side="right")) - 1
-        if starts[block] > reached:
-            reached, (x, P) = int(starts[block]), filtered.checkpoints[block]
-        x, P = x.copy(), P.copy()
-        if bound > reached:
-            run_block(problem, reached, bound - 1, x, P, nothing, out)
-            reached = bound
-        found.append((x, P))
-    return found
 
 
 def turning_error(state: Floats, other: Floats) -> Floats:

@@ -19,6 +19,7 @@ from deform.nav.filter import Filtered, Problem, run_forward
 from deform.nav.gap_path import about_reckoning
 from deform.nav.gaps import turned_as
 from deform.nav.noise import learn
+from deform.nav.reverse import compared
 from deform.nav.smoother import Smoothed, smooth
 
 Floats = NDArray[np.float64]
@@ -112,7 +113,7 @@ def misclosures(marks: MarkAid, smoothed: Smoothed) -> tuple[Floats, Floats, Flo
 
 
 def _pass(problem: Problem) -> tuple[Filtered, Smoothed]:
-    filtered = run_forward(problem)
+    filtered = run_forward(problem, at=compared(problem))
     return filtered, smooth(problem, filtered)
 
 
