@@ -100,7 +100,7 @@ def swung(model: ErrorModel, way: Floats) -> Floats:
     worst = np.zeros(np.shape(way))
     for axis in (0, 1) if model.index("wobble").stop else ():
         A, P = model.ride_system(axis), model.ride_covariance(axis)
-        grid = np.geomspace(1e-3, 30.0, 80) / -A[-1, -1]
+        grid = np.geomspace(1e-3, 30.0, 200) / -A[-1, -1]
         variance = 2.0 * (P[-1, -1] - (expm(A * grid[:, None, None]) @ P)[:, -1, -1]) / A[-1, -1] ** 2
         worst = np.maximum(worst, np.interp(way, np.append(0.0, grid), np.append(0.0, variance)))
     return worst
