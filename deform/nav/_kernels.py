@@ -28,10 +28,8 @@ FORCE_BY_SHEAR = 64  # 15: the same of forces that other accelerometers see, Jac
 STEADY_S = 1.0  # s before and behind a gap, whose mean force levels it; that before it goes on over it
 BRIDGED_TURN, BRIDGED_PUSH = 79, 80  # variance of what bridged samples may have turned (rad²) and pushed ((m/s)²) otherwise
 GAP_TRAVEL = 81  # m of the travel that lie in gaps
-GAP_TURN, GAP_BOW = (
-    82,
-    83,
-)  # variance of the turn over the gaps about each axis, and of that by which the path bows (rad²)
+# variance of the turn over the gaps about each axis, and of that by which the path bows (rad²)
+GAP_TURN, GAP_BOW = 82, 83
 GAP_EXPECTED = 84  # 3: turn that was expected over the gaps against the one in the row, rotation vector (see `gaps`)
 COLUMNS = 87
 # What a gap may hide: a pipe turns in bends of any angle, a tool rolls by turns per kilometre; at rest it settles.

@@ -173,11 +173,9 @@ class WobbleModel:
 
         One falls as the random walk of the accelerometers does, two as the tilt of the gyros' does. Least squares of logarithms.
         """
-        omega = 2.0 * np.pi * np.geomspace(*_PATH_FREQUENCIES, 60)
-        wobble, drift = (
-            self.wobble_spectrum(omega / (2.0 * np.pi)),
-            2.0 * self.path_drive / omega**2 + 2.0 * self.tilt_drive / omega**4,
-        )
+        frequency = np.geomspace(*_PATH_FREQUENCIES, 60)
+        omega, wobble = 2.0 * np.pi * frequency, self.wobble_spectrum(frequency)
+        drift = _drift_spectrum(frequency, self.path_drive, self.tilt_drive)
         left = wobble * drift / (wobble + drift)
         top = float(left[0])
 
@@ -188,7 +186,7 @@ class WobbleModel:
         def misfit(x: Floats) -> Floats:
             return np.log(sum(chain.spectrum(omega) for chain in chains(x)) / left)
 
-        crossed = np.log([math.sqrt(2.0 * self.path_drive / top), (2.0 * self.tilt_drive / top) ** 0.25])
+        crossed = np.log([max(2.0 * self.path_drive / top, 1e-30) ** 0.5, max(2.0 * self.tilt_drive / top, 1e-30) ** 0.25])
         low, high = np.array([*np.log([1e-4, 1e-4]), -12.0, -12.0]), np.array([*np.log([3.0, 3.0]), 1.0, 1.0])
         start = np.clip([*crossed, -1.0, -1.0], low + 1e-3, high - 1e-3)
         return chains(least_squares(misfit, start, bounds=(low, high)).x)
