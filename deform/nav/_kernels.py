@@ -9,6 +9,7 @@ from numba import njit, prange
 
 from deform.geometry._kernels_earth import EARTH_RATE, gravity, radii
 from deform.geometry._kernels_rotation import rotate, turn_left, turn_right
+from deform.nav._kernels_arc import arc_stretch, tilted
 from deform.run.stamps import MOST_BRIDGED, lost_before
 
 # One row of the table of epochs: integrals over the epoch in the body axes of its beginning, frozen in inertial space.
@@ -156,20 +157,6 @@ def levelled_turn(time, gyro, accel, gyro_pulse, accel_pulse, K, i, usual, b0, b
         return 0.0, 0.0, 0.0
     stretch = math.atan2(sine, a0 * b0 + a1 * b1 + a2 * b2) / sine
     return stretch * r0, stretch * r1, stretch * r2
-
-
-@njit(cache=True, error_model="numpy")
-def tilted(x, y, z):
-    """Cosine of the angle by which a turn (rotation vector) takes the body's forward axis away from itself."""
-    square = x * x + y * y + z * z
-    return 1.0 - (1.0 - math.cos(math.sqrt(square))) * (x * x + z * z) / square if square > 0.0 else 1.0
-
-
-@njit(cache=True, error_model="numpy")
-def arc_stretch(cosine):
-    """Length of a regular arc's chord over that of the mean of its end tangents, of the cosine of the angle between these."""
-    half = 0.5 * math.acos(min(max(cosine, -0.9), 1.0))
-    return math.tan(half) / half if half > 1e-6 else 1.0
 
 
 @njit(cache=True, error_model="numpy")

@@ -13,10 +13,10 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from deform.errors import OptionError
 from deform.nav import _kernels_state as kernels
+from deform.nav.compensation import STANDARD_GRAVITY
 from deform.run.raw import RunHeader
 
 Floats = NDArray[np.float64]
-STANDARD_GRAVITY = 9.80665
 
 WOBBLE_LENGTHS_M = (3.0, 6.0, 12.0)  # of the components of the wobble; a corner lies at 2 pi times its length
 # Sigma of each before the data have spoken. Of the sets of lengths tried these gave simulated and demonstration runs the greatest

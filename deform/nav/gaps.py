@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from deform.geometry.rotation import matrix_to_rotation_vector, rotation_vector_to_matrix
 from deform.nav import _kernels as k
+from deform.nav._kernels_arc import arc_stretch
 from deform.nav._kernels_state import MATRIX
 from deform.nav.strapdown import Epochs
 from deform.run.stamps import usual_step
@@ -114,7 +115,7 @@ def turned_as(epochs: Epochs, states: Floats, sigma: Floats) -> Epochs:
         expected = rotation_vector_to_matrix(row[k.GAP_EXPECTED : k.GAP_EXPECTED + 3]) @ old
         row[k.GAP_EXPECTED : k.GAP_EXPECTED + 3] = matrix_to_rotation_vector(expected @ new.T)
         row[k.TURN : k.TURN + 9] = new.ravel()
-        way, arcs = row[k.GAP_TRAVEL], [(np.eye(3) + R) * k.arc_stretch(R[1, 1]) for R in (old, new)]
+        way, arcs = row[k.GAP_TRAVEL], [(np.eye(3) + R) * arc_stretch(R[1, 1]) for R in (old, new)]
         row[k.ATTITUDE_TRAVEL : k.ATTITUDE_TRAVEL + 9] += 0.5 * way * (arcs[1] - arcs[0]).ravel()
         row[k.ATTITUDE_TIME : k.ATTITUDE_TIME + 9] += 0.5 * row[k.GAP] * (new - old).ravel()
         found = np.arccos(np.clip(new[1, 1], -1.0, 1.0)) ** 2 + np.sum(sigma[i + 1, 6:9] ** 2)

@@ -18,8 +18,8 @@ from deform.run.raw import ImuHeader
 Floats = NDArray[Any]
 
 SEGMENT_M = 256.0  # length of the pieces whose spectra are averaged
+_PIECE_M = 50.0  # the same for the attitude by itself, and for what it has in common with the departure
 _PATH_FREQUENCIES = 1.0 / 3000.0, 1.0 / 3.0  # 1/m, between which the model of the path's error is to be that of its spectrum
-_PIECE_M = 50.0  # the same for the attitude by itself
 USUAL = (math.radians(0.2), 10.0, 1e-3)  # wobble (rad), its length (m), shift (m) where a run is too short to tell
 
 

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import welch
 
+from deform.nav.compensation import STANDARD_GRAVITY
 from deform.nav.tones import MOST_TONES, Tone, find_tone, with_share
 from deform.nav.wobble import SEGMENT_M, USUAL, WobbleModel, gyro_walk, slope_of
 from deform.run.raw import ImuHeader
 
 Floats = NDArray[Any]
 
-_STANDARD_GRAVITY = 9.80665
 _MOST_WEIGHT = 30.0  # values of the periodogram that a band counts for; more of them do not make the model better
 _ORDERS = (1, 2, 3, 4)  # poles of the wobble: how sharply it fades towards short waves
 _MOST_LINES = 8  # looked at in one axis; those that matter become tones
@@ -47,9 +47,9 @@ def fit_wobble(
     Averaged periodograms in bands of equal ratio, compared by their logarithms: wobble of 1 to 4 equal poles, plus the shift of
     the tool as white noise and as random walk of the path. The number of poles with the least misfit is taken.
     """
-    path = max(imu.accel_random_walk_ug_per_sqrt_hz * 1e-6 * _STANDARD_GRAVITY, 1e-7) ** 2 / max(speed, 0.05) ** 3
+    path = max(imu.accel_random_walk_ug_per_sqrt_hz * 1e-6 * STANDARD_GRAVITY, 1e-7) ** 2 / max(speed, 0.05) ** 3
     turn = gyro_walk(imu, speed)
-    tilt = turn * _STANDARD_GRAVITY**2 / max(speed, 0.05) ** 4
+    tilt = turn * STANDARD_GRAVITY**2 / max(speed, 0.05) ** 4
     sigma, length, shift = USUAL
     fallback = WobbleModel(2.0 * sigma**2 / length, 1.0 / length, 1, shift**2, 0.0, path, tilt, turn)
     frequency, power, weight = _spectrum(total, node, lines)
